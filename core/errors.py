@@ -1,0 +1,25 @@
+"""Named errors of the engine. Each message is one sentence: what was found, and what to do about it."""
+
+
+class GssmcError(Exception):
+    """Base of every error that a user may meet; `str(error)` is fit to be shown as it is."""
+
+
+class SplatFormatError(GssmcError):
+    """A splat file cannot be read as a Gaussian scene."""
+
+
+class PhotoError(GssmcError):
+    """A photograph cannot be decoded, or does not fit its camera."""
+
+
+class CameraError(GssmcError):
+    """A camera description is incomplete, or its numbers make no camera."""
+
+
+class RefineError(GssmcError):
+    """A refinement cannot start or go on with what it was given."""
+
+
+class Cancelled(GssmcError):
+    """The user stopped the work; nothing was changed."""

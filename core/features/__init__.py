@@ -1,0 +1,1 @@
+"""Local features: one extractor or matcher per file."""

@@ -1,0 +1,1 @@
+"""From matches to a camera pose: two-view, coarse multi-view, fine epipolar, the loop and its verdict."""
