@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,8 +15,9 @@ from .errors import CameraError
 
 FloatArray = NDArray[np.float64]
 
-UNDISTORT_ITERATIONS = 50
-UNDISTORT_EPS = 1e-12
+UNDISTORT_ITERATIONS = 20
+UNDISTORT_EPS = 1e-13
+MIN_DETERMINANT = 1e-9  # below this the lens model folds over; such a pixel keeps its last estimate
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Intrinsics:
         if not np.all(np.isfinite(numbers)):
             raise CameraError("The camera's intrinsics hold a value that is not finite; give finite fx, fy, cx, cy and dist.")
         if self.width < 1 or self.height < 1:
-            raise CameraError(f"The camera's image is {self.width} x {self.height} pixels; width and height must be at least 1.")
+            raise CameraError(f"The camera's image is {self.width} x {self.height} pixels; both sides must be at least 1.")
         if self.fx <= 0 or self.fy <= 0:
             raise CameraError(f"The focal lengths are fx={self.fx:g}, fy={self.fy:g} pixels; both must be positive.")
         if len(self.dist) > 5:
@@ -72,7 +72,7 @@ class Intrinsics:
         return replace(self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy)
 
     def with_long_side(self, long_side: int) -> Intrinsics:
-        """The camera of the image scaled down so that its long side is `long_side`; unchanged when it is no longer than that."""
+        """The camera of the image scaled down to a long side of `long_side`; unchanged when it is no longer."""
         now = max(self.width, self.height)
         if now <= long_side:
             return self
@@ -100,13 +100,37 @@ class Intrinsics:
         )
 
     def normalise(self, pixels: ArrayLike) -> FloatArray:
-        """Distorted pixels (N, 2) to ideal image-plane coordinates x/z, y/z (N, 2)."""
+        """Distorted pixels (N, 2) to ideal image-plane coordinates x/z, y/z (N, 2).
+
+        Newton's method on the lens model: OpenCV's fixed-point iteration stops at an accuracy that differs by version.
+        """
         px = np.asarray(pixels, np.float64).reshape(-1, 2)
+        target = (px - (self.cx, self.cy)) / (self.fx, self.fy)
         if len(px) == 0 or not self.has_distortion:
-            return (px - (self.cx, self.cy)) / (self.fx, self.fy)
-        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, UNDISTORT_ITERATIONS, UNDISTORT_EPS)
-        out = cv2.undistortPointsIter(px[:, None], self.matrix, np.asarray(self.dist), None, None, criteria)
-        return np.asarray(out, np.float64).reshape(-1, 2)
+            return target
+        n = target.copy()
+        for _ in range(UNDISTORT_ITERATIONS):
+            residual = self.distort_normalised(n) - target
+            a, b, d = self._distortion_jacobian(n)
+            det = a * d - b * b
+            step = np.stack([d * residual[:, 0] - b * residual[:, 1], a * residual[:, 1] - b * residual[:, 0]], axis=1)
+            n = n - step / np.where(np.abs(det) > MIN_DETERMINANT, det, np.inf)[:, None]
+            if np.abs(residual).max() < UNDISTORT_EPS:
+                break
+        return n
+
+    def _distortion_jacobian(self, n: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivative of `distort_normalised`: the entries xx, xy (= yx) and yy, each (N,)."""
+        k1, k2, p1, p2, k3 = self.dist
+        x, y = n[:, 0], n[:, 1]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))
+        return (
+            radial + slope * x * x + 2 * p1 * y + 6 * p2 * x,
+            slope * x * y + 2 * p1 * x + 2 * p2 * y,
+            radial + slope * y * y + 6 * p1 * y + 2 * p2 * x,
+        )
 
     def undistort(self, pixels: ArrayLike) -> FloatArray:
         """Distorted pixels (N, 2) to the pixels of `self.pinhole()` (N, 2)."""
@@ -118,7 +142,8 @@ class Intrinsics:
 class Pose:
     """World-to-camera SE(3): x_c = R x_w + t. R (3, 3) and t (3,) are float64 in scene units.
 
-    Raises CameraError when R is not a rotation (singular values within 1e-3 of 1) or a value is not finite; R is then made exactly orthonormal.
+    Raises CameraError when R is not a rotation (singular values within 1e-3 of 1) or a value is not finite. A rotation that
+    passes is made orthonormal to machine precision.
     """
 
     R: FloatArray = field(default_factory=lambda: np.eye(3))
@@ -130,7 +155,7 @@ class Pose:
             raise CameraError("The camera's pose needs a finite 3x3 rotation R and a finite translation t of 3 numbers.")
         u, s, vt = np.linalg.svd(R)
         if np.abs(s - 1).max() > 1e-3 or np.linalg.det(R) < 0:
-            raise CameraError("The camera's R is not a rotation (it scales, shears or mirrors); give an orthonormal world-to-camera R.")
+            raise CameraError("The camera's R is not a rotation (it scales, shears or mirrors); give an orthonormal R.")
         R = u @ vt
         R.flags.writeable = t.flags.writeable = False
         object.__setattr__(self, "R", R)

@@ -12,7 +12,7 @@ Verdict = Literal["trusted", "check", "failed"]
 
 @dataclass(frozen=True)
 class IterationRecord:
-    """One finished iteration: usable views, matches and inliers over them, epipolar RMS in photo pixels, and the pose after it."""
+    """One finished iteration: usable views, matches and inliers over them, epipolar RMS (photo pixels), pose after it."""
 
     index: int
     views_used: int

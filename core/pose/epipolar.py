@@ -1,0 +1,123 @@
+"""Fine stage: the pose that brings every match of every view onto its epipolar line (paper: robust epipolar refinement).
+
+T_sq = T_s T^-1, line p = K^-T [t_sq]x R_sq K^-1 x_q, distance d = x_s^T p / sqrt(p_x^2 + p_y^2) in pixels,
+F = 1/2 [sum_ref rho(d / sigma) + 1/L sum_candidates rho(d / sigma)], rho Huber: r^2 for |r| <= 1, else 2 |r| - 1.
+Levenberg-Marquardt over xi = (rho, phi) in se(3), T <- exp(xi) T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera import FloatArray, Pose
+from ..lie import hat, se3_exp
+from .matches import ViewMatches, bearings
+
+MIN_SIGMA_PX = 0.15  # a view's residuals cannot be trusted to be quieter than keypoints are
+MAX_STEPS = 30
+MIN_GAIN = 1e-7  # relative fall of the cost under which the search has ended
+MAX_DAMPING = 1e8
+
+
+@dataclass(frozen=True)
+class EpipolarFit:
+    """The refined pose, its cost F, sigma (V,) of each view (px), RMS of the inliers (px), and the normal matrix J^T W J (6, 6)."""
+
+    pose: Pose
+    cost: float
+    sigmas: FloatArray
+    rms_px: float
+    information: FloatArray
+
+
+def epipolar_residuals(pose: Pose, matches: ViewMatches, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Signed distances d (M,), pixels, and their Jacobian (M, 6) with respect to xi = (rho, phi), T <- exp(xi) T.
+
+    With T_sq' = T_sq exp(-xi): l = t x R f gives dl/drho = R [f]x and dl/dphi = [t]x R [f]x for the ray f of the photo.
+    """
+    R = matches.pose.R @ pose.R.T
+    t = matches.pose.t - R @ pose.t
+    f = bearings(matches.query)
+    Kinv_t = np.linalg.inv(K).T
+    p = np.cross(t, f @ R.T) @ Kinv_t.T
+    pixels = bearings(matches.view) @ K.T
+    norm = np.maximum(np.linalg.norm(p[:, :2], axis=1), 1e-300)
+    d = (pixels * p).sum(1) / norm
+    # d(d)/dp = (x_s - d * (p_x, p_y, 0) / |p_xy|) / |p_xy|
+    g = pixels.copy()
+    g[:, :2] -= (d / norm)[:, None] * p[:, :2]
+    g = (g / norm[:, None]) @ Kinv_t
+    fx = hat(f)
+    jac_rho = np.einsum("mi,ij,mjk->mk", g, R, fx)
+    jac_phi = np.einsum("mi,ij,mjk->mk", g, hat(t) @ R, fx)
+    return d, np.concatenate([jac_rho, jac_phi], axis=1)
+
+
+def huber(r: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """rho(r) and its weight rho'(r) / (2 r): r^2 and 1 inside |r| <= 1, 2|r| - 1 and 1/|r| outside."""
+    a = np.abs(r)
+    return np.where(a <= 1, r * r, 2 * a - 1), 1 / np.maximum(a, 1.0)
+
+
+def robust_sigma(d: FloatArray) -> float:
+    """Standard deviation of residuals that hold outliers (1.4826 median |d|), with a floor, pixels."""
+    return max(MIN_SIGMA_PX, 1.4826 * float(np.median(np.abs(d)))) if len(d) else MIN_SIGMA_PX
+
+
+def refine_epipolar(start: Pose, views: Sequence[ViewMatches], K: FloatArray, rounds: int = 3) -> EpipolarFit:
+    """The pose of least F near `start`. sigma of each view is re-estimated `rounds` times around the falling residuals."""
+    pose = start
+    for _ in range(rounds):
+        sigmas = np.array([robust_sigma(epipolar_residuals(pose, v, K)[0]) for v in views])
+        pose, cost, information = _levenberg_marquardt(pose, views, sigmas, K)
+    inlier = [d[np.abs(d) < 3 * s] for d, s in zip((epipolar_residuals(pose, v, K)[0] for v in views), sigmas, strict=True)]
+    stacked = np.concatenate(inlier)
+    rms = float(np.sqrt(np.mean(stacked**2))) if len(stacked) else float("inf")
+    return EpipolarFit(pose, cost, sigmas, rms, information)
+
+
+def view_weights(views: Sequence[ViewMatches]) -> FloatArray:
+    """1 for the reference, 1/L for each of the L candidates (V,)."""
+    candidates = max(1, sum(not v.reference for v in views))
+    return np.array([1.0 if v.reference else 1.0 / candidates for v in views])
+
+
+def _normal_equations(
+    pose: Pose, views: Sequence[ViewMatches], sigmas: FloatArray, K: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Cost F, gradient (6,) and J^T W J (6, 6) at `pose`."""
+    cost, gradient, hessian = 0.0, np.zeros(6), np.zeros((6, 6))
+    for matches, sigma, weight in zip(views, sigmas, view_weights(views), strict=True):
+        d, jac = epipolar_residuals(pose, matches, K)
+        rho, w = huber(d / sigma)
+        w = weight * w / sigma**2
+        cost += 0.5 * weight * float(rho.sum())
+        gradient += jac.T @ (w * d)
+        hessian += (jac * w[:, None]).T @ jac
+    return cost, gradient, hessian
+
+
+def _levenberg_marquardt(
+    pose: Pose, views: Sequence[ViewMatches], sigmas: FloatArray, K: FloatArray
+) -> tuple[Pose, float, FloatArray]:
+    damping = 1e-3
+    cost, gradient, hessian = _normal_equations(pose, views, sigmas, K)
+    for _ in range(MAX_STEPS):
+        diagonal = np.maximum(np.diag(hessian), 1e-12)
+        step = np.linalg.solve(hessian + damping * np.diag(diagonal), -gradient)
+        trial = se3_exp(step) @ pose
+        new = _normal_equations(trial, views, sigmas, K)
+        if new[0] < cost:
+            gain = (cost - new[0]) / max(cost, 1e-300)
+            pose, (cost, gradient, hessian) = trial, new
+            damping = max(damping / 10, 1e-9)
+            if gain < MIN_GAIN:
+                break
+        else:
+            damping *= 10
+            if damping > MAX_DAMPING:
+                break
+    return pose, cost, hessian
