@@ -1,6 +1,6 @@
 """Coarse stage: the pose on which the two-view answers of all rendered views agree (paper: multi-view consistency).
 
-Each view s says x_q = R_qs x_s + s_s t_qs, hence R^ = R_qs R_s and a ray from the view's centre on which the photo's centre lies:
+Each view s says x_q = R_qs x_s + s_s t_qs, hence R^ = R_qs R_s and a ray from the view's centre that holds the photo's centre:
 c^ = c_s - s_s (R_qs R_s)^T t_qs, s_s > 0. This is the paper's residual R^^-1 (R_qs t_s + s_s t_qs - t^) with the world's
 origin moved to the views: there t = -R c is small, so that the error of a view's rotation is not multiplied by its distance
 from an arbitrary origin.
@@ -65,7 +65,7 @@ def _mean_rotation(rotations: Sequence[FloatArray], support: FloatArray) -> tupl
         weights = 1 / (1 + (norms / scale) ** 2)
         w = weights * support
         step = (w[:, None] * errors).sum(0) / w.sum()
-        mean = mean @ so3_exp(step)
+        mean = np.asarray(mean @ so3_exp(step))
         if np.linalg.norm(step) < 1e-10:
             break
     return mean, weights
@@ -109,4 +109,4 @@ def _nearest_point(centres: FloatArray, rays: FloatArray, weights: FloatArray) -
 def _ray_angles(centre: FloatArray, centres: FloatArray, rays: FloatArray) -> FloatArray:
     """Angle (V,), radians, between each ray and the direction to `centre`; a point behind a view is at more than pi/2."""
     to = centre - centres
-    return np.arctan2(np.linalg.norm(np.cross(rays, to), axis=1), np.einsum("ij,ij->i", rays, to))
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(rays, to), axis=1), np.einsum("ij,ij->i", rays, to)))

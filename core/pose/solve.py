@@ -1,0 +1,116 @@
+"""One iteration's answer: from the observed views to a pose, by the coarse and then the fine stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera import FloatArray, Pose
+from .consistency import consensus_pose
+from .epipolar import EpipolarFit, epipolar_residuals, refine_epipolar
+from .matches import BoolArray, ViewMatches, bearings, world_points
+from .observe import Frontend, Observation, Query, align_matches
+from .two_view import TwoViewPose, two_view_pose
+
+MIN_VIEW_INLIERS = 15  # an essential matrix on fewer is as often chance as geometry
+RANSAC_PX = 1.0
+GATE_PX = 3.0  # a match within this of the coarse pose's line goes into the fine stage, whatever RANSAC thought of it
+MIN_FINE_MATCHES = 12
+DEPTH_TOLERANCE = 0.25  # of the depth: a match whose lifted point lands farther off than this allows lies along its line
+
+
+@dataclass(frozen=True)
+class UsableView:
+    """A view whose matches hold a two-view pose."""
+
+    observation: Observation
+    relative: TwoViewPose
+
+    @property
+    def support(self) -> int:
+        return int(self.relative.inliers.sum())
+
+    @property
+    def inliers(self) -> ViewMatches:
+        return self.observation.matches.take(self.relative.inliers)
+
+
+def usable_views(observations: Sequence[Observation], focal: float) -> list[UsableView]:
+    """The views that see the same place as the photo."""
+    out = []
+    for observation in observations:
+        relative = two_view_pose(observation.matches, RANSAC_PX / focal)
+        if relative is not None and relative.inliers.sum() >= MIN_VIEW_INLIERS:
+            out.append(UsableView(observation, relative))
+    return out
+
+
+def coarse_pose(views: Sequence[UsableView], K: FloatArray, multiview: bool) -> Pose | None:
+    """The best of the consensus of all views and each view's own answer with the scale of its rendered depth.
+
+    "Best" is the least truncated epipolar distance over all inliers of all views. None when no view holds an answer.
+    """
+    options = [pose for view in views if (pose := single_view_pose(view)) is not None]
+    if multiview and len(views) >= 2:
+        support = np.array([float(view.support) for view in views])
+        consensus = consensus_pose([v.observation.pose for v in views], [v.relative for v in views], support)
+        if consensus is not None:
+            options.insert(0, consensus.pose)
+    if not options:
+        return None
+    matches = [view.inliers for view in views]
+    return min(options, key=lambda pose: truncated_cost(pose, matches, K))
+
+
+def truncated_cost(pose: Pose, views: Sequence[ViewMatches], K: FloatArray, cap_px: float = GATE_PX) -> float:
+    """Mean over all matches of min(|d|, cap), pixels, d the epipolar distance."""
+    d = [np.minimum(np.abs(epipolar_residuals(pose, v, K)[0]), cap_px) for v in views if len(v)]
+    return float(np.mean(np.concatenate(d))) if d else cap_px
+
+
+def single_view_pose(view: UsableView) -> Pose | None:
+    """The photo's pose from one view: its two-view pose, made metric by the depth that the splat renders there."""
+    inliers, relative = view.inliers, view.relative
+    s, q = bearings(inliers.view), bearings(inliers.query)
+    r = s @ relative.R.T
+    # Depth in the view for a baseline of 1: a q = b r + t, b by cross product with q.
+    qr, qt = np.cross(q, r), np.cross(q, relative.t)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unit_depth = -(qr * qt).sum(1) / (qr * qr).sum(1)
+        scale = inliers.depth / unit_depth
+    scale = scale[np.isfinite(scale) & (unit_depth > 0) & (inliers.depth > 0)]
+    if len(scale) < MIN_VIEW_INLIERS // 2:
+        return None
+    pose = view.observation.pose
+    return Pose(relative.R @ pose.R, relative.R @ pose.t + float(np.median(scale)) * relative.t)
+
+
+def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_PX) -> BoolArray:
+    """Which matches (M,) lie on their epipolar line at `pose`, and, where the splat has depth, near the right place along it."""
+    d, _ = epipolar_residuals(pose, matches, K)
+    on_line = np.abs(d) < gate_px
+    points = pose.transform(world_points(matches))
+    with np.errstate(invalid="ignore"):
+        offset = np.linalg.norm(points[:, :2] / points[:, 2:] - matches.query, axis=1) * K[0, 0]
+        # Parallax that a depth error of DEPTH_TOLERANCE makes: that share of the pair's own parallax.
+        baseline = np.linalg.norm(pose.centre - matches.pose.centre)
+        allowed = gate_px + DEPTH_TOLERANCE * K[0, 0] * baseline / np.abs(points[:, 2])
+        misplaced = (points[:, 2] <= 0) | (offset > allowed)
+    return np.asarray(on_line & ~misplaced)
+
+
+def fine_matches(pose: Pose, observations: Sequence[Observation], query: Query, frontend: Frontend) -> list[ViewMatches]:
+    """All views' matches that fit `pose`, aligned to sub-pixel; views with too few are left out."""
+    K = query.pinhole.matrix
+    aligned = [align_matches(o, query, gate(pose, o.matches, K), frontend.aligner) for o in observations]
+    return [m for m in aligned if len(m) >= MIN_FINE_MATCHES]
+
+
+def fine_pose(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> EpipolarFit:
+    """The epipolar stage, twice: once to settle, once on the matches within the gate of where it settled."""
+    fit = refine_epipolar(pose, views, K)
+    kept = [v.take(np.abs(epipolar_residuals(fit.pose, v, K)[0]) < 4 * s) for v, s in zip(views, fit.sigmas, strict=True)]
+    kept = [v for v in kept if len(v) >= MIN_FINE_MATCHES]
+    return refine_epipolar(fit.pose, kept, K) if kept else fit
