@@ -1,0 +1,159 @@
+"""The only place where an axis is flipped, or a focal length in millimetres becomes pixels (DESIGN 2).
+
+Frames: the engine's cameras are OpenCV (x right, y down, z forward), poses world-to-camera; Blender's, nerfstudio's and
+OpenGL's cameras look along -z with y up, given as camera-to-world. COLMAP's cameras are the engine's own: no function needed.
+"World" of the engine is the coordinates of the splat file; a Blender object's matrix (a similarity) takes them to the scene.
+Pixels: the centre of the top-left pixel is (0.5, 0.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .camera import FloatArray, Intrinsics, Pose
+from .errors import CameraError
+
+SensorFit = Literal["AUTO", "HORIZONTAL", "VERTICAL"]
+Orientation = Literal["Y_DOWN", "Y_UP", "Z_UP", "Z_DOWN"]
+ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
+
+FLIP_YZ = np.diag([1.0, -1.0, -1.0])  # OpenCV camera axes <-> OpenGL/Blender camera axes; its own inverse
+DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
+SIMILARITY_TOLERANCE = 1e-3  # Blender's matrices are float32, and users type scales by hand
+
+# Rows: where the file's x, y, z axes go in a z-up scene. Proper rotations all, so that nothing is mirrored.
+_UP_ROTATIONS: dict[Orientation, FloatArray] = {
+    "Y_DOWN": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    "Y_UP": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "Z_UP": np.eye(3),
+    "Z_DOWN": np.diag([1.0, -1.0, -1.0]),
+}
+
+
+def orientation_matrix(orientation: Orientation) -> FloatArray:
+    """4x4 rotation from a file whose named axis points up (or down) to Blender's z-up scene."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = _UP_ROTATIONS[orientation]
+    return matrix
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """p_scene = scale * rotation @ p_file + translation; scale > 0, rotation (3, 3) proper, translation (3,)."""
+
+    scale: float
+    rotation: FloatArray
+    translation: FloatArray
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike) -> Similarity:
+        """Splits a 4x4 affine matrix. Raises CameraError when it is not rotation, translation and uniform scale."""
+        m = np.asarray(matrix, np.float64)
+        if m.shape != (4, 4) or not np.isfinite(m).all():
+            raise CameraError("The splat object's matrix is not a finite 4x4 matrix; clear its transform and place it again.")
+        linear = m[:3, :3]
+        if np.linalg.det(linear) < 0:
+            raise CameraError("The splat object is mirrored (negative scale); make its scale positive in all axes.")
+        u, s, vt = np.linalg.svd(linear)
+        if s[0] <= 0 or s[2] < s[0] * (1 - SIMILARITY_TOLERANCE):
+            sizes = ", ".join(f"{x:.4g}" for x in np.linalg.norm(linear, axis=0))
+            raise CameraError(f"The splat object is scaled unevenly ({sizes}); give it the same scale in x, y and z.")
+        return cls(float(np.cbrt(s.prod())), u @ vt, m[:3, 3].copy())
+
+    def to_scene(self, points: ArrayLike) -> FloatArray:
+        """Points of the splat file (N, 3) to the scene."""
+        return self.scale * np.asarray(points, np.float64) @ self.rotation.T + self.translation
+
+    def to_file(self, points: ArrayLike) -> FloatArray:
+        """Points of the scene (N, 3) to the splat file's coordinates."""
+        return (np.asarray(points, np.float64) - self.translation) @ self.rotation / self.scale
+
+
+def pose_from_blender(camera_to_scene: ArrayLike, splat: Similarity) -> Pose:
+    """The engine's pose, in the splat file's coordinates, of a Blender camera with the 4x4 `matrix_world` given.
+
+    Scale on the camera itself is ignored, as Blender's own renderers do. Raises CameraError when the matrix shears or mirrors.
+    """
+    m = np.asarray(camera_to_scene, np.float64)
+    lengths = np.linalg.norm(m[:3, :3], axis=0)
+    if not np.isfinite(m).all() or lengths.min() <= 0:
+        raise CameraError("The camera's matrix is not finite or has a scale of zero; clear the camera's scale.")
+    axes = m[:3, :3] / lengths
+    if np.abs(axes.T @ axes - np.eye(3)).max() > SIMILARITY_TOLERANCE or np.linalg.det(axes) < 0:
+        raise CameraError(
+            "The camera is sheared or mirrored by its parent's scale; clear the parent's uneven or negative scale."
+        )
+    rotation = (splat.rotation.T @ axes @ FLIP_YZ).T
+    return Pose.from_centre(rotation, splat.to_file(m[:3, 3])[0])
+
+
+def pose_to_blender(pose: Pose, splat: Similarity) -> FloatArray:
+    """The 4x4 `matrix_world` (scale 1) of a Blender camera at the engine's `pose`. Inverse of `pose_from_blender`."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = splat.rotation @ pose.R.T @ FLIP_YZ
+    matrix[:3, 3] = splat.to_scene(pose.centre)
+    return matrix
+
+
+@dataclass(frozen=True)
+class BlenderLens:
+    """What Blender's camera and render settings say of the projection, in Blender's own terms and units."""
+
+    lens_mm: float
+    sensor_width_mm: float = 36.0
+    sensor_height_mm: float = 24.0
+    sensor_fit: SensorFit = "AUTO"
+    shift_x: float = 0.0
+    shift_y: float = 0.0
+    pixel_aspect_x: float = 1.0
+    pixel_aspect_y: float = 1.0
+
+    def _sensor_and_size(self, width: int, height: int) -> tuple[float, float]:
+        """Sensor length (mm) along the fitted axis, and the image's extent along it in square units (pixels x aspect)."""
+        across, down = width * self.pixel_aspect_x, height * self.pixel_aspect_y
+        if self.sensor_fit == "AUTO":  # Blender takes sensor_width for portrait too
+            return self.sensor_width_mm, max(across, down)
+        return (self.sensor_width_mm, across) if self.sensor_fit == "HORIZONTAL" else (self.sensor_height_mm, down)
+
+
+def intrinsics_from_blender(lens: BlenderLens, width: int, height: int, dist: tuple[float, ...] = ()) -> Intrinsics:
+    """Intrinsics, in pixels of a `width` x `height` image, of a Blender camera; `dist` as in `Intrinsics`."""
+    sensor, size = lens._sensor_and_size(width, height)
+    focal = lens.lens_mm / sensor * size
+    return Intrinsics(
+        width=width,
+        height=height,
+        fx=focal / lens.pixel_aspect_x,
+        fy=focal / lens.pixel_aspect_y,
+        cx=width / 2 - lens.shift_x * size / lens.pixel_aspect_x,
+        cy=height / 2 + lens.shift_y * size / lens.pixel_aspect_y,
+        dist=(*dist, 0.0, 0.0, 0.0, 0.0, 0.0)[:5],
+    )
+
+
+def blender_from_intrinsics(intrinsics: Intrinsics, like: BlenderLens) -> BlenderLens:
+    """Blender's lens, shifts and pixel aspect for `intrinsics`; sensor sizes and fit are those of `like`.
+
+    The pixel aspect of `like` is kept where it fits fx : fy to float32 accuracy already, for it belongs to the whole scene.
+    """
+    fx, fy = intrinsics.fx, intrinsics.fy
+    ax, ay = like.pixel_aspect_x, like.pixel_aspect_y
+    if abs(fx * ax - fy * ay) > 1e-6 * fx * ax:  # Blender wants both aspects >= 1
+        ax, ay = (1.0, fx / fy) if fx >= fy else (fy / fx, 1.0)
+    shaped = replace(like, pixel_aspect_x=ax, pixel_aspect_y=ay)
+    sensor, size = shaped._sensor_and_size(intrinsics.width, intrinsics.height)
+    return replace(
+        shaped,
+        lens_mm=fx * ax * sensor / size,
+        shift_x=(intrinsics.width / 2 - intrinsics.cx) * ax / size,
+        shift_y=(intrinsics.cy - intrinsics.height / 2) * ay / size,
+    )
+
+
+def focal_px_from_35mm(focal_35mm: float, width: int, height: int) -> float:
+    """Focal length in pixels from EXIF's 35 mm equivalent (mm), which is defined over the image's diagonal (CIPA DCG-001)."""
+    return focal_35mm * float(np.hypot(width, height)) / DIAGONAL_35MM

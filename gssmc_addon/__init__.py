@@ -1,0 +1,32 @@
+"""The Blender side of GS-SMC: what is registered, in which order."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..operators import add_photo, cancel, import_splats, refine
+from . import cli, jobs, menus, panels, properties
+
+_class_modules = (import_splats, add_photo, refine, cancel, panels, menus)
+_cli_commands: list[object] = []
+
+
+def register() -> None:
+    properties.register()
+    for module in _class_modules:
+        for cls in module.classes:
+            bpy.utils.register_class(cls)
+    menus.register()
+    jobs.register()
+    _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
+
+
+def unregister() -> None:
+    jobs.unregister()  # first: a running job uses all the rest
+    while _cli_commands:
+        bpy.utils.unregister_cli_command(_cli_commands.pop())
+    menus.unregister()
+    for module in reversed(_class_modules):
+        for cls in reversed(module.classes):
+            bpy.utils.unregister_class(cls)
+    properties.unregister()

@@ -1,0 +1,31 @@
+"""File > Import, and files dropped on the viewport."""
+
+from __future__ import annotations
+
+import bpy
+
+
+def _draw_import(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    self.layout.operator("gssmc.import_splats", text="Gaussian Splats (.ply)")
+
+
+class GSSMC_FH_splats(bpy.types.FileHandler):
+    bl_idname = "GSSMC_FH_splats"
+    bl_label = "Gaussian Splats"
+    bl_import_operator = "gssmc.import_splats"
+    bl_file_extensions = ".ply"
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+classes = (GSSMC_FH_splats,)
+
+
+def register() -> None:
+    bpy.types.TOPBAR_MT_file_import.append(_draw_import)
+
+
+def unregister() -> None:
+    bpy.types.TOPBAR_MT_file_import.remove(_draw_import)

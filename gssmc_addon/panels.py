@@ -1,0 +1,127 @@
+"""The sidebar panel "GS-SMC": splat, photo, refine, and what came of it."""
+
+from __future__ import annotations
+
+import textwrap
+
+import bpy
+
+from . import jobs, photo_image, properties, splat_object
+
+CATEGORY = "GS-SMC"
+PIXELS_PER_CHARACTER = 7.0
+
+
+class _Sidebar:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = CATEGORY
+
+
+class GSSMC_PT_main(_Sidebar, bpy.types.Panel):
+    bl_label = "Photo Camera"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        _draw_splat(layout, context)
+        camera = context.scene.camera
+        camera = camera if camera and camera.type == "CAMERA" else None
+        _draw_photo(layout, context, camera)
+        job = jobs.active()
+        if job:
+            _draw_progress(layout, job)
+        else:
+            _draw_refine(layout, context, camera)
+
+
+def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    column = layout.column(align=True)
+    column.label(text="Splat")
+    if any(splat_object.is_splat(o) for o in context.scene.objects):
+        column.prop(context.scene.gssmc, "splat", text="")
+    else:
+        column.operator("gssmc.import_splats", text="Import Splat (.ply)", icon="IMPORT")
+
+
+def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
+    column = layout.column(align=True)
+    column.label(text="Photo")
+    if camera:
+        column.prop(camera.data.gssmc, "photo", text="")
+    column.operator("gssmc.add_photo", icon="IMAGE_DATA")
+    if camera and photo_image.camera_photo(camera):
+        column.separator()
+        column.prop(context.scene, "camera", text="")
+        column.prop(camera.data, "lens")
+        view = context.space_data
+        column.prop(view, "lock_camera", text="Move Camera With View", toggle=True)
+
+
+def _draw_progress(layout: bpy.types.UILayout, job: jobs.RefineJob) -> None:
+    now = job.progress
+    column = layout.column(align=True)
+    column.progress(factor=now.fraction, text=f"{now.step}")
+    column.label(text=f"Iteration {max(now.iteration, 1)} of {now.iterations}")
+    column.operator("gssmc.cancel", icon="X")
+
+
+def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
+    column = layout.column(align=True)
+    row = column.row()
+    row.scale_y = 1.5
+    row.operator("gssmc.refine", icon="CAMERA_DATA")
+    note = camera.data.gssmc if camera else None
+    if note and note.verdict != "NONE":
+        box = layout.box()
+        title = properties.verdict_title(note)
+        box.label(text=title, icon=properties.VERDICT_ICONS[note.verdict])
+        for reason in note.reasons.splitlines():
+            draw_text(box, context, reason)
+    message = context.window_manager.gssmc.message
+    if message:
+        draw_text(layout.box(), context, message, icon="INFO")
+
+
+def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
+    """A sentence, wrapped to the sidebar's width."""
+    scale = context.preferences.system.ui_scale
+    width = max(16, int((context.region.width / scale - 60) / PIXELS_PER_CHARACTER))
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for number, line in enumerate(textwrap.wrap(text, width)):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+
+
+class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
+    bl_label = "Lens"
+    bl_parent_id = "GSSMC_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.scene.camera is not None and context.scene.camera.type == "CAMERA"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        data = context.scene.camera.data
+        column = self.layout.column(align=True)
+        column.prop(data, "shift_x", text="Shift X")
+        column.prop(data, "shift_y", text="Y")
+        column = self.layout.column(align=True)
+        for name in ("k1", "k2", "p1", "p2", "k3"):
+            column.prop(data.gssmc, name, text=f"Distortion {name}" if name == "k1" else name)
+
+
+class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
+    bl_label = "Settings"
+    bl_parent_id = "GSSMC_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        column = self.layout.column()
+        for name in properties.settings_annotations():
+            column.prop(context.scene.gssmc, name)
+
+
+classes = (GSSMC_PT_main, GSSMC_PT_lens, GSSMC_PT_settings)

@@ -1,0 +1,126 @@
+"""The camera of a photograph: made or taken, its lens from EXIF or a camera file, its frame the photo's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ..core import conventions
+from ..core.camera import Camera
+from ..core.camera_files import read_cameras
+from ..core.conventions import BlenderLens
+from ..core.errors import CameraError
+from ..core.photo import Photo
+from . import camera_bridge, photo_image
+
+PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
+
+
+def find_camera(path: str, photo: Photo) -> Camera:
+    """The camera of the file that names this photo, or its only one. Raises CameraError when none fits the photo."""
+    cameras = read_cameras(Path(bpy.path.abspath(path)))
+    name = Path(photo.file).name
+    named = [c for c in cameras if Path(c.file).name == name]
+    if not named and len(cameras) == 1:
+        named = cameras
+    if not named:
+        raise CameraError(f'The camera file "{Path(path).name}" has no camera for "{name}"; add one whose "file" is that name.')
+    size = named[0].intrinsics.width, named[0].intrinsics.height
+    if size != (photo.width, photo.height):
+        found = f"{photo.width} x {photo.height}"
+        raise CameraError(f'The camera file says "{name}" has {size[0]} x {size[1]} pixels, but it has {found}; correct one.')
+    return named[0]
+
+
+def choose_camera(context: bpy.types.Context, mode: str, photo_name: str) -> bpy.types.Object:
+    """The camera object a photo goes to, by `mode`: AUTO, NEW or SCENE. Raises CameraError when there is none to take."""
+    current = context.scene.camera
+    usable = current is not None and current.type == "CAMERA"
+    if mode == "SCENE" and not usable:
+        raise CameraError("The scene has no camera to take; choose New Camera.")
+    view = _region_3d(context)
+    free = usable and photo_image.camera_photo(current) is None and (view is None or view.view_perspective == "CAMERA")
+    if mode == "SCENE" or (mode == "AUTO" and free):
+        return current
+    return _new_camera(context, Path(photo_name).stem, view)
+
+
+def _new_camera(context: bpy.types.Context, name: str, view: bpy.types.RegionView3D | None) -> bpy.types.Object:
+    """A new camera at the current view, or where the scene camera stands."""
+    camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    current = context.scene.camera
+    if view and view.view_perspective != "CAMERA":
+        camera.matrix_world = view.view_matrix.inverted()
+        camera.data.lens = context.area.spaces.active.lens
+    elif current:
+        camera.matrix_world = current.matrix_world.normalized()
+        if current.type == "CAMERA":
+            camera.data.lens = current.data.lens
+    context.scene.collection.objects.link(camera)
+    return camera
+
+
+def fit_camera(
+    context: bpy.types.Context,
+    camera: bpy.types.Object,
+    photo: Photo,
+    image: bpy.types.Image,
+    given: Camera | None,
+    set_resolution: bool,
+) -> list[str]:
+    """Gives the camera its photo, lens and, from a camera file, its pose. Sentences on what was found and set."""
+    scene, data = context.scene, camera.data
+    if given and not scene.gssmc.splat:
+        raise CameraError("The camera file's pose needs a splat to stand in; import the splat first.")
+    scene.camera = camera
+    context.view_layer.update()
+    notes = list(photo.notes)
+    if given:
+        camera_bridge.write_camera(scene, camera, scene.gssmc.splat, given)
+        notes.append("Pose and lens are those of the camera file.")
+    else:
+        notes.append(_lens_from_exif(scene, data, photo))
+    data.gssmc.photo = image  # its update shows it behind the camera
+    data.gssmc.verdict = "NONE"
+    data.gssmc.reasons = ""
+    notes += _frame(scene, photo, set_resolution)
+    return notes
+
+
+def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo) -> str:
+    if not photo.focal_35mm:
+        return f"The photo tells no focal length; set the lens of the camera (now {data.lens:.3g} mm) as close as you can."
+    focal = conventions.focal_px_from_35mm(photo.focal_35mm, photo.width, photo.height)
+    data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", PHOTO_SENSOR_MM
+    centre = BlenderLens(1.0, data.sensor_width, data.sensor_height, data.sensor_fit)
+    unit = conventions.intrinsics_from_blender(centre, photo.width, photo.height).fx
+    data.lens, data.shift_x, data.shift_y = focal / unit, 0.0, 0.0
+    return f"Lens {data.lens:.3g} mm from the photo's EXIF."
+
+
+def _frame(scene: bpy.types.Scene, photo: Photo, set_resolution: bool) -> list[str]:
+    render = scene.render
+    before = render.resolution_x, render.resolution_y
+    if before[0] * photo.height == before[1] * photo.width:
+        return []
+    if not set_resolution:
+        return [f"The photo does not fill the frame, for the render resolution {before[0]} x {before[1]} has another shape."]
+    render.resolution_x, render.resolution_y = photo.width, photo.height
+    return [f"The render resolution was {before[0]} x {before[1]} and is now the photo's."]
+
+
+def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
+    """Selects the camera and turns the viewport to it."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    camera.select_set(True)
+    context.view_layer.objects.active = camera
+    view = _region_3d(context)
+    if view:
+        view.view_perspective = "CAMERA"
+
+
+def _region_3d(context: bpy.types.Context) -> bpy.types.RegionView3D | None:
+    area = context.area
+    return area.spaces.active.region_3d if area and area.type == "VIEW_3D" else None

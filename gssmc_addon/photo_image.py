@@ -1,0 +1,90 @@
+"""Photographs inside Blender: loaded upright, set behind a camera, and found again for the engine."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core.errors import PhotoError
+from ..core.photo import Photo, read_photo
+
+BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
+
+
+@dataclass(frozen=True)
+class PhotoSource:
+    """Where the engine finds a Blender image's pixels: a file, or the bytes packed into the .blend."""
+
+    name: str
+    path: str
+    packed: bytes | None = None
+
+    def read(self) -> Photo:
+        """Decodes the photo; needs no Blender, hence fit for a worker thread. Raises PhotoError."""
+        if self.packed is None:
+            return read_photo(self.path)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / (Path(self.path).name or "photo.png")
+            file.write_bytes(self.packed)
+            return read_photo(file)
+
+
+def photo_source(image: bpy.types.Image) -> PhotoSource:
+    """Copies what is needed to read the image later. Raises PhotoError when it has no pixels of its own."""
+    path = bpy.path.abspath(image.filepath, library=image.library)
+    if image.packed_file:
+        return PhotoSource(image.name, path, bytes(image.packed_file.data))
+    if image.source != "FILE" or not path:
+        raise PhotoError(f'The image "{image.name}" is not a photo file; add the photo with Add Photo.')
+    return PhotoSource(image.name, path)
+
+
+def load_image(path: str, photo: Photo) -> bpy.types.Image:
+    """The Blender image of a photo, upright. `photo` is what the engine read from `path`."""
+    image = bpy.data.images.load(path, check_existing=True)
+    if not _shows_upright(image, photo):
+        if image.users == 0:
+            bpy.data.images.remove(image)
+        image = _packed_copy(Path(path).name, photo)
+    return image
+
+
+def _shows_upright(image: bpy.types.Image, photo: Photo) -> bool:
+    """Blender ignores EXIF rotation; the engine does not."""
+    return tuple(image.size) == (photo.width, photo.height) and not any("rotat" in note.lower() for note in photo.notes)
+
+
+def _packed_copy(name: str, photo: Photo) -> bpy.types.Image:
+    image = bpy.data.images.new(Path(name).stem + ".png", photo.width, photo.height)
+    pixels = np.ones((photo.height, photo.width, 4), np.float32)
+    pixels[..., :3] = photo.pixels[::-1].astype(np.float32) / 255  # Blender's first row is the bottom one
+    image.pixels.foreach_set(pixels.ravel())
+    image.file_format = "PNG"
+    image.pack()
+    return image
+
+
+def camera_photo(camera: bpy.types.Object) -> bpy.types.Image | None:
+    """The photo that belongs to a camera: the one picked in the panel, else its first background image."""
+    data = camera.data
+    if data.gssmc.photo:
+        return data.gssmc.photo
+    return next((b.image for b in data.background_images if b.source == "IMAGE" and b.image), None)
+
+
+def show_behind(data: bpy.types.Camera, image: bpy.types.Image) -> None:
+    """Makes `image` the camera's background, in the slot that already shows it where there is one."""
+    slots = data.background_images
+    slot = (
+        next((b for b in slots if b.image == image), None) or next((b for b in slots if b.image is None), None) or slots.new()
+    )
+    slot.image = image
+    slot.alpha = BACKGROUND_ALPHA
+    slot.frame_method = "FIT"
+    slot.display_depth = "FRONT"
+    slot.show_background_image = True
+    data.show_background_images = True

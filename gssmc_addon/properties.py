@@ -1,0 +1,134 @@
+"""What the extension keeps in the .blend: the picked splat and settings on the scene, photo, lens and verdict on the camera.
+
+The state of a running job is not among it (see jobs): a saved file never says that something runs.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from ..core.pose.settings import RefineSettings
+from . import photo_image, splat_object
+
+LIMITS = {
+    "iterations": (1, 50),
+    "candidates": (1, 32),
+    "seed": (0, 2**31 - 1),
+    "long_side_px": (128, 8192),
+    "threads": (0, 256),
+}
+VERDICTS = (
+    ("NONE", "None", "Not refined yet"),
+    ("TRUSTED", "Trusted", "The camera fits the photo"),
+    ("CHECK", "Check", "Look at the result before you rely on it"),
+    ("FAILED", "Failed", "No camera was found; nothing was changed"),
+)
+VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "FAILED": "ERROR"}
+
+
+def _field_docs() -> dict[str, str]:
+    """Tooltips from the dataclass's docstring, where each option stands as `name: text.`"""
+    found = re.findall(r"^\s*(\w+): (.+?)(?=\n\s*\w+: |\n\s*$|\Z)", RefineSettings.__doc__ or "", re.MULTILINE | re.DOTALL)
+    return {name: " ".join(text.split()).rstrip(".") for name, text in found}
+
+
+def settings_annotations() -> dict[str, object]:
+    """One Blender property per field of RefineSettings, with its default, limits and documentation."""
+    docs, annotations = _field_docs(), {}
+    for option in fields(RefineSettings):
+        common = {"name": option.name.replace("_px", "").replace("_", " ").title(), "description": docs.get(option.name, "")}
+        if isinstance(option.default, bool):
+            annotations[option.name] = BoolProperty(default=option.default, **common)
+        else:
+            low, high = LIMITS[option.name]
+            annotations[option.name] = IntProperty(default=option.default, min=low, max=high, **common)
+    return annotations
+
+
+def settings_from(owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None) -> RefineSettings:
+    """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win."""
+    values = {}
+    for option in fields(RefineSettings):
+        source = overrides if overrides and overrides.is_property_set(option.name) else owner
+        values[option.name] = getattr(source, option.name)
+    return RefineSettings(**values)
+
+
+def verdict_title(note: GssmcCamera) -> str:
+    """One line for the panel: the verdict, with iterations and time of the refinement that gave it."""
+    name = next(item[1] for item in VERDICTS if item[0] == note.verdict)
+    rounds = f"{note.iterations_done} iteration{'s' if note.iterations_done != 1 else ''}"
+    return f"{name}: {rounds}, {note.seconds:.1f} s"
+
+
+def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
+    if self.photo:
+        photo_image.show_behind(self.id_data, self.photo)
+
+
+class GssmcScene(bpy.types.PropertyGroup):
+    """On the scene: the splat to refine against, and the refinement's settings."""
+
+    __annotations__ = {
+        "splat": PointerProperty(
+            name="Splat",
+            description="The splat scan: a point cloud imported with File > Import > Gaussian Splats",
+            type=bpy.types.Object,
+            poll=lambda self, obj: splat_object.is_splat(obj),
+        ),
+        **settings_annotations(),
+    }
+
+
+class GssmcCamera(bpy.types.PropertyGroup):
+    """On the camera data: its photo, lens distortion (OpenCV's k1 k2 p1 p2 k3), and what the last refinement said of it."""
+
+    __annotations__ = {
+        "photo": PointerProperty(
+            name="Photo", description="The photograph taken by this camera", type=bpy.types.Image, update=_photo_picked
+        ),
+        **{
+            name: FloatProperty(name=name, precision=6, step=0.1, description=f"Lens distortion {name} in OpenCV's model")
+            for name in ("k1", "k2", "p1", "p2", "k3")
+        },
+        "verdict": EnumProperty(name="Verdict", items=VERDICTS, default="NONE"),
+        "reasons": StringProperty(name="Reasons", description="Why, one sentence per line"),
+        "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
+        "seconds": FloatProperty(name="Seconds", description="Wall time of the last refinement"),
+    }
+
+
+class GssmcWindow(bpy.types.PropertyGroup):
+    """On the window manager, hence never saved: the last message of an operator, and panel state."""
+
+    __annotations__ = {"message": StringProperty(name="Message", description="What the last operation said")}
+
+
+classes = (GssmcScene, GssmcCamera, GssmcWindow)
+
+
+def register() -> None:
+    for cls in classes:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.gssmc = PointerProperty(type=GssmcScene)
+    bpy.types.Camera.gssmc = PointerProperty(type=GssmcCamera)
+    bpy.types.WindowManager.gssmc = PointerProperty(type=GssmcWindow)
+
+
+def unregister() -> None:
+    del bpy.types.WindowManager.gssmc
+    del bpy.types.Camera.gssmc
+    del bpy.types.Scene.gssmc
+    for cls in reversed(classes):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,68 @@
+"""How a splat object shows in Blenders that do not draw splats themselves: coloured points, sized like the Gaussians.
+
+Only a look: nothing here is read back. A material turns the splats' base colour into light, so that Material Preview and
+Rendered show the scan; `radius` gives the points their size.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..core.splats.scene import GaussianScene
+from .splat_object import BASE
+
+MATERIAL = "GS-SMC Splat Colour"
+SH_C0 = 0.28209479177387814
+DISPLAY_GAMMA = 2.2  # splat colours are display-encoded, emission wants linear light
+RADIUS_SIGMAS = 1.2
+MIN_SHOWN_OPACITY = 0.1  # haze would look like solid balls
+
+
+def dress_splat(obj: bpy.types.Object, scene: GaussianScene) -> None:
+    """Gives the splat object its point sizes and its material."""
+    radius = np.sqrt(np.sort(scene.scales, axis=1)[:, 1:].prod(axis=1)) * RADIUS_SIGMAS * np.sqrt(scene.opacities)
+    radius[scene.opacities < MIN_SHOWN_OPACITY] = 0.0
+    attribute = obj.data.attributes.get("radius") or obj.data.attributes.new("radius", "FLOAT", "POINT")
+    attribute.data.foreach_set("value", radius.astype(np.float32))
+    obj.data.materials.append(bpy.data.materials.get(MATERIAL) or _new_material())
+
+
+def _new_material() -> bpy.types.Material:
+    material = bpy.data.materials.new(MATERIAL)
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    attribute = tree.nodes.new("ShaderNodeAttribute")
+    attribute.attribute_name = BASE
+    scale = _vector_math(tree, "MULTIPLY_ADD", attribute.outputs["Vector"], (SH_C0,) * 3, (0.5,) * 3)
+    clamp = _vector_math(tree, "MAXIMUM", scale.outputs[0], (0.0,) * 3)
+    gamma = tree.nodes.new("ShaderNodeGamma")
+    gamma.inputs["Gamma"].default_value = DISPLAY_GAMMA
+    emission = tree.nodes.new("ShaderNodeEmission")
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(clamp.outputs[0], gamma.inputs["Color"])
+    tree.links.new(gamma.outputs[0], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    for x, node in enumerate((attribute, scale, clamp, gamma, emission, output)):
+        node.location = (200 * x, 0)
+    return material
+
+
+def _vector_math(
+    tree: bpy.types.NodeTree, operation: str, source: bpy.types.NodeSocket, *values: tuple[float, ...]
+) -> bpy.types.Node:
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = operation
+    tree.links.new(source, node.inputs[0])
+    for index, value in enumerate(values, start=1):
+        node.inputs[index].default_value = value
+    return node
+
+
+def show_colours(context: bpy.types.Context) -> None:
+    """Switches the window's Solid viewports to Material Preview; Solid mode shows a point cloud in grey."""
+    screen = context.screen
+    for area in screen.areas if screen else ():
+        if area.type == "VIEW_3D" and area.spaces.active.shading.type in {"SOLID", "WIREFRAME"}:
+            area.spaces.active.shading.type = "MATERIAL"

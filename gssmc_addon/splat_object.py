@@ -1,0 +1,126 @@
+"""GaussianScene <-> point cloud object, in the attribute layout of Blender 5.3's native splats (PLATFORM).
+
+position, scale (linear), rotation (w x y z), radiance:base (f_dc_0..2 and opacity), radiance:sh_0, radiance:sh_1 ... one
+attribute per SH coefficient above degree 0. Positions stay in the file's coordinates.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..core.errors import SplatFormatError
+from ..core.splats.scene import SH_COEFFICIENTS, GaussianScene
+
+BASE = "radiance:base"
+SH_PREFIX = "radiance:sh_"
+REQUIRED = ("position", "scale", "rotation", BASE)
+COMPONENTS = {"FLOAT_VECTOR": 3, "QUATERNION": 4, "FLOAT_COLOR": 4, "FLOAT4": 4}
+
+
+def is_splat(obj: bpy.types.Object | None) -> bool:
+    """True for a point cloud object in the layout above, whoever made it; cheap enough for a panel's draw()."""
+    return obj is not None and obj.type == "POINTCLOUD" and all(name in obj.data.attributes for name in REQUIRED)
+
+
+def create_splat(name: str, scene: GaussianScene) -> bpy.types.Object:
+    """A new, unlinked point cloud object that holds `scene` completely."""
+    cloud = bpy.data.pointclouds.new(name)
+    cloud.resize(len(scene))
+    _write(cloud, "position", "FLOAT_VECTOR", scene.means)
+    _write(cloud, "scale", "FLOAT_VECTOR", scene.scales)
+    _write(cloud, "rotation", "QUATERNION", scene.rotations)
+    base = np.concatenate([scene.sh[:, 0], scene.opacities[:, None]], axis=1)
+    _write(cloud, BASE, _base_type(cloud), base)
+    for k in range(1, scene.sh.shape[1]):
+        _write(cloud, f"{SH_PREFIX}{k - 1}", "FLOAT_VECTOR", scene.sh[:, k])
+    _set_native_type(cloud)
+    return bpy.data.objects.new(name, cloud)
+
+
+def read_splat(obj: bpy.types.Object) -> GaussianScene:
+    """The Gaussians of a splat object, copied out of Blender's memory. Raises SplatFormatError when it is no splat."""
+    if not is_splat(obj):
+        raise SplatFormatError(f'"{obj.name}" holds no Gaussian splats; pick one made by File > Import > Gaussian Splats.')
+    cloud = obj.data
+    count = len(cloud.points)
+    if count == 0:
+        raise SplatFormatError(f'"{obj.name}" has no points; import the splat file again.')
+    base = _read(cloud, BASE, 4)
+    bands = _sh_bands(cloud)
+    sh = np.empty((count, 1 + bands, 3), np.float32)
+    sh[:, 0] = base[:, :3]
+    for k in range(bands):
+        sh[:, k + 1] = _read(cloud, f"{SH_PREFIX}{k}", 3)
+    scales, rotations = _read(cloud, "scale", 3), _read(cloud, "rotation", 4)
+    arrays = (_read(cloud, "position", 3), scales, rotations, base[:, 3].copy(), sh)
+    return _finite_only(arrays)
+
+
+def _finite_only(arrays: tuple[np.ndarray, ...]) -> GaussianScene:
+    """Editing tools and other importers may leave NaN behind; such Gaussians are dropped, as on reading a file."""
+    good = np.logical_and.reduce([np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays])
+    dropped = int(len(good) - good.sum())
+    if dropped == len(good):
+        raise SplatFormatError("Every Gaussian of the splat object holds a value that is not finite; import the file again.")
+    kept = arrays if dropped == 0 else tuple(np.ascontiguousarray(a[good]) for a in arrays)
+    return GaussianScene(*kept, dropped=dropped, format="Blender point cloud")
+
+
+def _sh_bands(cloud: bpy.types.PointCloud) -> int:
+    """How many SH coefficients above degree 0 to read: 0, 3, 8 or 15 (a native splat's degree 4 is read up to degree 3)."""
+    present = 0
+    while f"{SH_PREFIX}{present}" in cloud.attributes:
+        present += 1
+    return max(k - 1 for k in SH_COEFFICIENTS if k - 1 <= present)
+
+
+def _write(cloud: bpy.types.PointCloud, name: str, kind: str, values: np.ndarray) -> None:
+    attribute = cloud.attributes.get(name) or cloud.attributes.new(name, kind, "POINT")
+    attribute.data.foreach_set(_value_name(attribute), np.ascontiguousarray(values, np.float32).ravel())
+
+
+def _read(cloud: bpy.types.PointCloud, name: str, components: int) -> np.ndarray:
+    attribute = cloud.attributes[name]
+    if attribute.domain != "POINT" or COMPONENTS.get(attribute.data_type) != components:
+        raise SplatFormatError(
+            f'The attribute "{name}" is of type {attribute.data_type}, not one of {components} floats per point; '
+            "import the splat file again."
+        )
+    values = np.empty(len(cloud.points) * components, np.float32)
+    attribute.data.foreach_get(_value_name(attribute), values)
+    return values.reshape(-1, components)
+
+
+def _value_name(attribute: bpy.types.Attribute) -> str:
+    """The property that carries the value: "vector", "value" or "color", by attribute type and Blender version."""
+    kinds = {"FLOAT_VECTOR": "vector", "FLOAT_COLOR": "color", "QUATERNION": "value"}
+    if attribute.data_type in kinds:
+        return kinds[attribute.data_type]
+    names = attribute.data[0].bl_rna.properties.keys()
+    return next(n for n in ("value", "vector", "color") if n in names)
+
+
+def _base_type(cloud: bpy.types.PointCloud) -> str:
+    kinds = cloud.attributes.bl_rna.functions["new"].parameters["type"].enum_items.keys()
+    return "FLOAT4" if "FLOAT4" in kinds else "FLOAT_COLOR"
+
+
+def has_native_type(cloud: bpy.types.PointCloud) -> bool:
+    """True where this Blender draws splats itself (5.3 and later)."""
+    return _native_type(cloud) is not None
+
+
+def _native_type(cloud: bpy.types.PointCloud) -> tuple[str, str] | None:
+    for prop in cloud.bl_rna.properties:
+        if prop.type == "ENUM":
+            for item in [entry.identifier for entry in prop.enum_items]:
+                if "SPLAT" in item.upper():
+                    return prop.identifier, item
+    return None
+
+
+def _set_native_type(cloud: bpy.types.PointCloud) -> None:
+    native = _native_type(cloud)
+    if native:
+        setattr(cloud, *native)

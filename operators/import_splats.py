@@ -1,0 +1,75 @@
+"""File > Import > Gaussian Splats (.ply)."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+from mathutils import Matrix
+
+from ..core import conventions
+from ..core.errors import GssmcError
+from ..core.splats import read_splats
+from ..gssmc_addon import splat_display, splat_object
+
+ORIENTATION_ITEMS = (
+    ("Y_DOWN", "Y Down", "The file's y axis points down, as photogrammetry and most splat trainers write it"),
+    ("Y_UP", "Y Up", "The file's y axis points up"),
+    ("Z_UP", "Z Up", "The file's z axis points up, as in Blender: keep the axes"),
+    ("Z_DOWN", "Z Down", "The file's z axis points down"),
+)
+
+
+class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
+    """Import a 3D Gaussian Splatting scan as a point cloud"""
+
+    bl_idname = "gssmc.import_splats"
+    bl_label = "Import Gaussian Splats"
+    bl_options = {"UNDO", "PRESET"}
+
+    filename_ext = ".ply"
+    filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
+    orientation: EnumProperty(
+        name="Up Axis", items=ORIENTATION_ITEMS, default="Y_DOWN", description="Turns the object; the file's coordinates stay"
+    )
+    show_colours: BoolProperty(
+        name="Show Colours",
+        default=True,
+        description="Switch Solid viewports to Material Preview, where the scan shows its colours",
+    )
+
+    def invoke(self, context, event):
+        if self.filepath:  # dropped on the viewport
+            return self.invoke_popup(context)
+        return super().invoke(context, event)
+
+    def execute(self, context):
+        path = Path(self.filepath)
+        try:
+            scene = read_splats(path)
+        except GssmcError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        obj = self._add(context, path.stem, scene)
+        dropped = f" {scene.dropped} Gaussians with values that are not finite were left out." if scene.dropped else ""
+        self.report({"INFO"}, f'"{obj.name}": {len(scene):,} Gaussians, SH degree {scene.sh_degree} ({scene.format}).{dropped}')
+        return {"FINISHED"}
+
+    def _add(self, context, name, scene):
+        obj = splat_object.create_splat(name, scene)
+        if not splat_object.has_native_type(obj.data):
+            splat_display.dress_splat(obj, scene)
+            if self.show_colours:
+                splat_display.show_colours(context)
+        obj.matrix_world = Matrix(np.asarray(conventions.orientation_matrix(self.orientation)).tolist())
+        context.collection.objects.link(obj)
+        for other in context.selected_objects:
+            other.select_set(False)
+        obj.select_set(True)
+        context.view_layer.objects.active = obj
+        context.scene.gssmc.splat = obj
+        return obj
+
+
+classes = (GSSMC_OT_import_splats,)
