@@ -17,6 +17,7 @@ from ..lie import hat, se3_exp
 from .matches import ViewMatches, bearings
 
 MIN_SIGMA_PX = 0.15  # a view's residuals cannot be trusted to be quieter than keypoints are
+MIN_LINE_NORM = 1e-9  # a view at the very pose of the photo has no lines; this keeps its zeros finite
 MAX_STEPS = 30
 MIN_GAIN = 1e-7  # relative fall of the cost under which the search has ended
 MAX_DAMPING = 1e8
@@ -44,7 +45,7 @@ def epipolar_residuals(pose: Pose, matches: ViewMatches, K: FloatArray) -> tuple
     Kinv_t = np.linalg.inv(K).T
     p = np.cross(t, f @ R.T) @ Kinv_t.T
     pixels = bearings(matches.view) @ K.T
-    norm = np.maximum(np.linalg.norm(p[:, :2], axis=1), 1e-300)
+    norm = np.maximum(np.linalg.norm(p[:, :2], axis=1), MIN_LINE_NORM)
     d = (pixels * p).sum(1) / norm
     # d(d)/dp = (x_s - d * (p_x, p_y, 0) / |p_xy|) / |p_xy|
     g = pixels.copy()
@@ -71,12 +72,24 @@ def refine_epipolar(start: Pose, views: Sequence[ViewMatches], K: FloatArray, ro
     """The pose of least F near `start`. sigma of each view is re-estimated `rounds` times around the falling residuals."""
     pose = start
     for _ in range(rounds):
-        sigmas = np.array([robust_sigma(epipolar_residuals(pose, v, K)[0]) for v in views])
-        pose, cost, information = _levenberg_marquardt(pose, views, sigmas, K)
-    inlier = [d[np.abs(d) < 3 * s] for d, s in zip((epipolar_residuals(pose, v, K)[0] for v in views), sigmas, strict=True)]
-    stacked = np.concatenate(inlier)
-    rms = float(np.sqrt(np.mean(stacked**2))) if len(stacked) else float("inf")
+        sigmas = view_sigmas(pose, views, K)
+        pose = _levenberg_marquardt(pose, views, sigmas, K)
+    return measure_epipolar(pose, views, K)
+
+
+def measure_epipolar(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> EpipolarFit:
+    """F, sigmas, RMS and normal matrix at `pose`, without moving it."""
+    sigmas = view_sigmas(pose, views, K)
+    cost, _, information = _normal_equations(pose, views, sigmas, K)
+    residuals = [epipolar_residuals(pose, v, K)[0] for v in views]
+    inliers = np.concatenate([d[np.abs(d) < 3 * s] for d, s in zip(residuals, sigmas, strict=True)])
+    rms = float(np.sqrt(np.mean(inliers**2))) if len(inliers) else float("inf")
     return EpipolarFit(pose, cost, sigmas, rms, information)
+
+
+def view_sigmas(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> FloatArray:
+    """Robust residual deviation of each view (V,), pixels."""
+    return np.array([robust_sigma(epipolar_residuals(pose, v, K)[0]) for v in views])
 
 
 def view_weights(views: Sequence[ViewMatches]) -> FloatArray:
@@ -104,9 +117,7 @@ def _normal_equations(
     return cost, gradient, hessian
 
 
-def _levenberg_marquardt(
-    pose: Pose, views: Sequence[ViewMatches], sigmas: FloatArray, K: FloatArray
-) -> tuple[Pose, float, FloatArray]:
+def _levenberg_marquardt(pose: Pose, views: Sequence[ViewMatches], sigmas: FloatArray, K: FloatArray) -> Pose:
     damping = 1e-3
     cost, gradient, hessian = _normal_equations(pose, views, sigmas, K)
     for _ in range(MAX_STEPS):
@@ -124,4 +135,4 @@ def _levenberg_marquardt(
             damping *= 10
             if damping > MAX_DAMPING:
                 break
-    return pose, cost, hessian
+    return pose

@@ -34,10 +34,35 @@ class RefineProgress:
 
 
 @dataclass(frozen=True)
+class PoseQuality:
+    """The evidence behind a verdict (DESIGN 5).
+
+    views_used: rendered views whose matches hold a two-view pose; inliers: matches in the last fit, over all views;
+    coverage: share (0..1) of the photo's 6 x 6 cells that hold an inlier; epipolar_rms_px: RMS of those inliers;
+    disagreement: distance between the answers of two halves of the views, in per cent of the median depth, and
+    disagreement_deg in degrees (NaN with fewer than four views); translation_std (per cent of the median depth) and
+    rotation_std_deg: deviations from the fit's covariance; agreement, offset_px, similarity: see `verify.FinalView`.
+    """
+
+    views_used: int
+    inliers: int
+    coverage: float
+    epipolar_rms_px: float
+    disagreement: float
+    disagreement_deg: float
+    translation_std: float
+    rotation_std_deg: float
+    agreement: float
+    offset_px: float
+    similarity: float
+    median_depth: float
+
+
+@dataclass(frozen=True)
 class RefineReport:
     """The end of a refinement. `camera` is the refined camera; when the verdict is "failed" it is the start, unchanged.
 
-    `reasons` are whole sentences; `seconds` is wall time.
+    `reasons` are whole sentences; `seconds` is wall time; `quality` is the evidence, None when no pose was found at all.
     """
 
     camera: Camera
@@ -46,3 +71,4 @@ class RefineReport:
     reasons: tuple[str, ...]
     iterations: tuple[IterationRecord, ...]
     seconds: float
+    quality: PoseQuality | None = None

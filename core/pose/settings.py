@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..errors import RefineError
+
 
 @dataclass(frozen=True)
 class RefineSettings:
     """Every option of a refinement, with units in the names.
 
-    iterations: most iterations of the loop; it stops early when the pose has settled.
+    iterations: most iterations of the loop; it stops earlier once the answer lies inside the fan of rendered views.
     candidates: L, rendered views around the current pose besides the pose itself.
     seed: of every random draw; the same seed gives the same answer.
-    multiview: the coarse multi-view consistency stage (paper: L_mvc); off = reference view only.
-    epipolar: the fine epipolar stage.
+    multiview: the coarse multi-view consistency stage; off = the reference view alone (paper's ablation).
+    epipolar: the fine epipolar stage; off = the coarse answer as it is (paper's ablation).
     long_side_px: photo and renders are matched at this size of the long side.
-    threads: CPU threads, 0 = all cores.
+    perturb_translation_ratio: deviation of the candidates' centres, as a share of the median rendered depth.
+    perturb_rotation_deg: deviation of the candidates' rotation about each axis.
+    threads: views rendered and matched side by side, 0 = one per core.
+    Raises RefineError when a number is outside its range.
     """
 
     iterations: int = 4
@@ -24,4 +29,20 @@ class RefineSettings:
     multiview: bool = True
     epipolar: bool = True
     long_side_px: int = 640
+    perturb_translation_ratio: float = 0.045
+    perturb_rotation_deg: float = 0.5
     threads: int = 0
+
+    def __post_init__(self) -> None:
+        ranges: dict[str, tuple[float, float]] = {
+            "iterations": (1, 100),
+            "candidates": (1, 64),
+            "long_side_px": (64, 8192),
+            "perturb_translation_ratio": (1e-4, 1.0),
+            "perturb_rotation_deg": (0.0, 45.0),
+            "threads": (0, 256),
+        }
+        for name, (low, high) in ranges.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise RefineError(f"The option {name} is {value}; give a value from {low:g} to {high:g}.")

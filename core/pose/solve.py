@@ -18,6 +18,7 @@ MIN_VIEW_INLIERS = 15  # an essential matrix on fewer is as often chance as geom
 RANSAC_PX = 1.0
 GATE_PX = 3.0  # a match within this of the coarse pose's line goes into the fine stage, whatever RANSAC thought of it
 MIN_FINE_MATCHES = 12
+MIN_PARALLAX_PX = 3.0
 DEPTH_TOLERANCE = 0.25  # of the depth: a match whose lifted point lands farther off than this allows lies along its line
 
 
@@ -88,7 +89,7 @@ def single_view_pose(view: UsableView) -> Pose | None:
 
 
 def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_PX) -> BoolArray:
-    """Which matches (M,) lie on their epipolar line at `pose`, and, where the splat has depth, near the right place along it."""
+    """Which matches (M,) lie on their epipolar line at `pose`, and, where the splat has depth, near the right place on it."""
     d, _ = epipolar_residuals(pose, matches, K)
     on_line = np.abs(d) < gate_px
     points = pose.transform(world_points(matches))
@@ -102,10 +103,19 @@ def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_
 
 
 def fine_matches(pose: Pose, observations: Sequence[Observation], query: Query, frontend: Frontend) -> list[ViewMatches]:
-    """All views' matches that fit `pose`, aligned to sub-pixel; views with too few are left out."""
+    """All views' matches that fit `pose`, aligned to sub-pixel. Left out: views with too few of them, and views so close to
+    `pose` that there is no parallax, whose epipolar lines turn with the noise.
+    """
     K = query.pinhole.matrix
-    aligned = [align_matches(o, query, gate(pose, o.matches, K), frontend.aligner) for o in observations]
+    apart = [o for o in observations if _parallax_px(pose, o, K) >= MIN_PARALLAX_PX]
+    aligned = [align_matches(o, query, gate(pose, o.matches, K), frontend.aligner) for o in apart]
     return [m for m in aligned if len(m) >= MIN_FINE_MATCHES]
+
+
+def _parallax_px(pose: Pose, observation: Observation, K: FloatArray) -> float:
+    """How far a point at the view's median depth moves between `pose` and the view, pixels, turning left aside."""
+    depth = observation.median_depth
+    return float(K[0, 0] * np.linalg.norm(pose.centre - observation.pose.centre) / depth) if depth > 0 else 0.0
 
 
 def fine_pose(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> EpipolarFit:

@@ -1,0 +1,215 @@
+"""The refinement loop: from a rough camera to the photo's own camera, one record per iteration."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera import Camera, Pose, pose_error
+from ..photo import Photo
+from .epipolar import EpipolarFit, measure_epipolar
+from .hypotheses import GAUSSIAN_LENGTH, candidate_poses
+from .matches import ViewMatches
+from .observe import Frontend, Observation, Query, ViewRenderer, make_query, observe
+from .report import IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
+from .settings import RefineSettings
+from .solve import coarse_pose, fine_matches, fine_pose, usable_views
+from .verdict import assess, judge
+from .verify import view_at
+
+log = logging.getLogger(__name__)
+
+Progress = Generator[RefineProgress, None, "RefineReport"]
+
+MIN_PHOTO_FEATURES = 30
+MIN_OPAQUE = 0.02  # a reference view with less of the scan in it looks away from it
+WIDEN = 2.0
+MAX_SPREAD = 0.3  # of the median depth; beyond, the candidates leave the place
+MAX_SPREAD_DEG = 8.0
+INSIDE_FAN_DEG = 6.0  # an answer turned less than this from the views matches them as well as it ever will
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A pose of one iteration with what it was found from."""
+
+    fit: EpipolarFit
+    views: tuple[ViewMatches, ...]
+    median_depth: float
+
+
+@dataclass(frozen=True)
+class Fan:
+    """Spread of the candidates: `ratio` of the median depth, and degrees."""
+
+    ratio: float
+    rotation_deg: float
+
+    def wider(self) -> Fan:
+        return Fan(min(self.ratio * WIDEN, MAX_SPREAD), min(max(self.rotation_deg, 0.5) * WIDEN, MAX_SPREAD_DEG))
+
+
+def refine(
+    renderer: ViewRenderer,
+    photo: Photo,
+    camera: Camera,
+    settings: RefineSettings | None = None,
+    on_progress: Callable[[RefineProgress], None] | None = None,
+) -> RefineReport:
+    """Runs `iterate_refinement` to its end. `on_progress` may raise (for example Cancelled) to stop it."""
+    work = iterate_refinement(renderer, photo, camera, settings or RefineSettings())
+    try:
+        while True:
+            try:
+                progress = next(work)
+            except StopIteration as end:
+                report: RefineReport = end.value
+                return report
+            if on_progress is not None:
+                on_progress(progress)
+    finally:
+        work.close()
+
+
+def iterate_refinement(renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings) -> Progress:
+    """The loop as a generator: yields a `RefineProgress` after every rendered view and returns the `RefineReport`.
+
+    `camera` is the start: its intrinsics belong to the photo at its full size (see `photo.check_size`), its pose is
+    world-to-camera in the splat file's coordinates. Closing the generator cancels; nothing outside it is touched.
+    """
+    began = time.perf_counter()
+    frontend = Frontend()
+    query = make_query(photo, camera.intrinsics, settings.long_side_px, frontend)
+    records: list[IterationRecord] = []
+    if len(query.features) < MIN_PHOTO_FEATURES:
+        reason = f"The photo shows only {len(query.features)} features; it is too dark, blurred or plain to be placed."
+        return _report(camera, None, "failed", (reason,), records, began)
+    work = _Loop(renderer, query, settings, frontend)
+    answer, problem = yield from work.run(camera.pose, records)
+    if answer is None:
+        return _report(camera, None, "failed", (problem,), records, began)
+    yield RefineProgress(len(records), settings.iterations, "checking the answer", 0.97)
+    seen = view_at(renderer, query, answer.fit.pose)
+    quality = assess(answer.fit, answer.views, seen, query.pinhole, answer.median_depth)
+    verdict, reasons = judge(quality)
+    refined = camera if verdict == "failed" else replace(camera, pose=answer.fit.pose)
+    return _report(camera, refined, verdict, reasons, records, began, quality)
+
+
+def _report(
+    start: Camera,
+    refined: Camera | None,
+    verdict: Verdict,
+    reasons: tuple[str, ...],
+    records: Sequence[IterationRecord],
+    began: float,
+    quality: PoseQuality | None = None,
+) -> RefineReport:
+    seconds = time.perf_counter() - began
+    log.info("%s after %d iterations, %.1f s: %s", verdict, len(records), seconds, " ".join(reasons))
+    return RefineReport(refined or start, start, verdict, reasons, tuple(records), seconds, quality)
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """One refinement's fixed inputs; `run` does the iterations."""
+
+    renderer: ViewRenderer
+    query: Query
+    settings: RefineSettings
+    frontend: Frontend
+
+    def run(self, start: Pose, records: list[IterationRecord]) -> Generator[RefineProgress, None, tuple[Answer | None, str]]:
+        """Iterates from `start`; returns the best answer, or None and one sentence that says what was missing."""
+        settings, rng = self.settings, np.random.default_rng(self.settings.seed)
+        fan = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
+        pose, best, problem = start, None, ""
+        for index in range(settings.iterations):
+            observations = yield from self._observe(pose, fan, index, rng)
+            if not observations:
+                return best, "The start camera sees almost nothing of the splat; turn it towards the scene and refine again."
+            found, record = self._solve(observations, pose, index)
+            records.append(record)
+            yield RefineProgress(
+                index + 1, settings.iterations, "iteration done", 0.95 * (index + 1) / settings.iterations, record
+            )
+            if found is None:
+                problem = _too_few(observations, record)
+                fan, pose = fan.wider(), record.pose
+                continue
+            if best is not None and not _supports(found, best):
+                break  # fewer matches agree than before: a later iteration must not spoil a good pose
+            best, pose, moved_from = found, found.fit.pose, pose
+            if _inside_fan(found, moved_from, fan):
+                break
+            fan = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
+        return best, problem
+
+    def _observe(
+        self, pose: Pose, fan: Fan, index: int, rng: np.random.Generator
+    ) -> Generator[RefineProgress, None, list[Observation]]:
+        """Renders and matches the reference and its candidates; empty when the reference sees nothing of the scan."""
+        count = self.settings.candidates if self.settings.multiview else 0
+        done = 0.95 * index / self.settings.iterations
+        share = 0.95 / self.settings.iterations / (count + 1)
+        yield RefineProgress(index + 1, self.settings.iterations, "rendering the reference view", done)
+        reference = observe(self.renderer, self.query, pose, True, self.frontend)
+        if reference.opaque < MIN_OPAQUE:
+            return []
+        poses = candidate_poses(pose, count, fan.ratio * reference.median_depth, fan.rotation_deg, rng)
+        out = [reference]
+        pool = ThreadPoolExecutor(self.settings.threads or os.cpu_count() or 1, thread_name_prefix="gssmc-view")
+        try:
+            jobs = [pool.submit(observe, self.renderer, self.query, p, False, self.frontend) for p in poses]
+            for k, job in enumerate(jobs):
+                yield RefineProgress(
+                    index + 1, self.settings.iterations, f"view {k + 2} of {count + 1}", done + share * (k + 1)
+                )
+                out.append(job.result())
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+        return out
+
+    def _solve(self, observations: Sequence[Observation], pose: Pose, index: int) -> tuple[Answer | None, IterationRecord]:
+        """Coarse and fine stage on one iteration's views."""
+        K = self.query.pinhole.matrix
+        matches = sum(len(o.matches) for o in observations)
+        usable = usable_views(observations, self.query.pinhole.focal)
+        coarse = coarse_pose(usable, K, self.settings.multiview)
+        if coarse is None:
+            return None, IterationRecord(index, len(usable), matches, 0, float("nan"), pose)
+        if self.settings.epipolar:
+            views = fine_matches(coarse, observations, self.query, self.frontend)
+            fit = fine_pose(coarse, views, K) if views else None
+        else:
+            views = [u.inliers for u in usable]
+            fit = measure_epipolar(coarse, views, K)
+        inliers = sum(len(v) for v in views)
+        if fit is None:
+            return None, IterationRecord(index, len(usable), matches, inliers, float("nan"), coarse)
+        record = IterationRecord(index, len(usable), matches, inliers, fit.rms_px, fit.pose)
+        return Answer(fit, tuple(views), observations[0].median_depth), record
+
+
+def _too_few(observations: Sequence[Observation], record: IterationRecord) -> str:
+    return (
+        f"Too few matches: {record.matches} over {len(observations)} views, {record.views_used} of them usable; "
+        "the photo may show another place, or the start is too far off: move the camera closer to the photo's view."
+    )
+
+
+def _supports(found: Answer, best: Answer) -> bool:
+    """Whether the new answer is held by about as many matches as the one before, or more."""
+    return sum(map(len, found.views)) >= 0.7 * sum(map(len, best.views))
+
+
+def _inside_fan(found: Answer, reference: Pose, fan: Fan) -> bool:
+    """Whether the rendered views surround the answer, so that another iteration would see the same again."""
+    distance, degrees = pose_error(found.fit.pose, reference)
+    return distance <= GAUSSIAN_LENGTH * fan.ratio * found.median_depth and degrees <= INSIDE_FAN_DEG

@@ -1,0 +1,71 @@
+"""An independent look at the answer: does the splat, rendered through the refined camera, sit on the photo?
+
+None of the matches that made the pose take part: corners of the photo are followed into the final render, starting from the
+same pixel. At the right pose they stay where they are; anywhere else they wander off or do not come back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import FloatArray, Pose
+from ..features.subpixel import SubpixelAligner, normalise_locally
+from .observe import MIN_ALPHA, Query, ViewRenderer, grey_of
+
+MAX_CORNERS = 600
+CORNER_QUALITY = 0.01
+CORNER_SPACING_PX = 7.0
+STAYED_PX = 1.5  # a corner that moved less than this between photo and render is taken to agree
+FOLLOW = SubpixelAligner(window_px=21, max_move_px=6.0, max_return_px=0.5)
+
+
+@dataclass(frozen=True)
+class FinalView:
+    """How the final render agrees with the photo.
+
+    corners: corners of the photo over the opaque part of the render; agreement: share of them (0..1) that stay within 1.5 px;
+    offset_px: median displacement of those that could be followed (NaN when none); similarity: normalised cross-correlation
+    (-1..1) of the two locally normalised images, hence free of exposure; opaque: share of the render that is solid, 0..1.
+    """
+
+    corners: int
+    agreement: float
+    offset_px: float
+    similarity: float
+    opaque: float
+
+
+def view_at(renderer: ViewRenderer, query: Query, pose: Pose) -> FinalView:
+    """Renders the splat at `pose` and measures how it agrees with the photo."""
+    view = renderer.render(query.pinhole, pose)
+    solid = np.asarray(view.alpha >= MIN_ALPHA)
+    render = normalise_locally(grey_of(view))
+    inner = np.asarray(cv2.erode(solid.astype(np.uint8), np.ones((9, 9), np.uint8), borderValue=0), np.uint8)
+    corners = _corners(query, inner)
+    if len(corners) == 0:
+        return FinalView(0, 0.0, float("nan"), 0.0, float(solid.mean()))
+    places, good = FOLLOW.align(query.aligned, render, corners, corners)
+    moved = np.linalg.norm(places - corners, axis=1)
+    agreement = float(np.mean(good & (moved < STAYED_PX)))
+    offset = float(np.median(moved[good])) if good.any() else float("nan")
+    return FinalView(len(corners), agreement, offset, _correlation(query.aligned, render, inner > 0), float(solid.mean()))
+
+
+def _corners(query: Query, mask: NDArray[np.uint8]) -> FloatArray:
+    # None where nothing is found, whatever its stub says.
+    found: Any = cv2.goodFeaturesToTrack(query.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
+    if found is None:
+        return np.zeros((0, 2))
+    return np.asarray(found, np.float64).reshape(-1, 2) + 0.5  # OpenCV puts the centre of the first pixel at 0
+
+
+def _correlation(a: NDArray[np.uint8], b: NDArray[np.uint8], mask: NDArray[np.bool_]) -> float:
+    x, y = a[mask].astype(np.float64), b[mask].astype(np.float64)
+    x, y = x - x.mean(), y - y.mean()
+    norm = float(np.sqrt((x @ x) * (y @ y)))
+    return float(x @ y) / norm if norm > 0 else 0.0
