@@ -17,11 +17,13 @@ from numpy.typing import ArrayLike
 from .camera import FloatArray, Intrinsics, Pose
 from .errors import CameraError
 
+Distortion = tuple[float, float, float, float, float]
 SensorFit = Literal["AUTO", "HORIZONTAL", "VERTICAL"]
 Orientation = Literal["Y_DOWN", "Y_UP", "Z_UP", "Z_DOWN"]
 ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
 
 FLIP_YZ = np.diag([1.0, -1.0, -1.0])  # OpenCV camera axes <-> OpenGL/Blender camera axes; its own inverse
+NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 SIMILARITY_TOLERANCE = 1e-3  # Blender's matrices are float32, and users type scales by hand
 
@@ -88,7 +90,7 @@ def pose_from_blender(camera_to_scene: ArrayLike, splat: Similarity) -> Pose:
             "The camera is sheared or mirrored by its parent's scale; clear the parent's uneven or negative scale."
         )
     rotation = (splat.rotation.T @ axes @ FLIP_YZ).T
-    return Pose.from_centre(rotation, splat.to_file(m[:3, 3])[0])
+    return Pose.from_centre(rotation, splat.to_file(m[:3, 3]))
 
 
 def pose_to_blender(pose: Pose, splat: Similarity) -> FloatArray:
@@ -120,7 +122,7 @@ class BlenderLens:
         return (self.sensor_width_mm, across) if self.sensor_fit == "HORIZONTAL" else (self.sensor_height_mm, down)
 
 
-def intrinsics_from_blender(lens: BlenderLens, width: int, height: int, dist: tuple[float, ...] = ()) -> Intrinsics:
+def intrinsics_from_blender(lens: BlenderLens, width: int, height: int, dist: Distortion = NO_DISTORTION) -> Intrinsics:
     """Intrinsics, in pixels of a `width` x `height` image, of a Blender camera; `dist` as in `Intrinsics`."""
     sensor, size = lens._sensor_and_size(width, height)
     focal = lens.lens_mm / sensor * size
@@ -131,7 +133,7 @@ def intrinsics_from_blender(lens: BlenderLens, width: int, height: int, dist: tu
         fy=focal / lens.pixel_aspect_y,
         cx=width / 2 - lens.shift_x * size / lens.pixel_aspect_x,
         cy=height / 2 + lens.shift_y * size / lens.pixel_aspect_y,
-        dist=(*dist, 0.0, 0.0, 0.0, 0.0, 0.0)[:5],
+        dist=dist,
     )
 
 

@@ -66,6 +66,18 @@ class RefineJob:
     def start(self) -> None:
         self._worker.start()
 
+    def run(self) -> RefineReport:
+        """Start to end, for callers that may block. Raises GssmcError as `tick` does."""
+        self.start()
+        try:
+            while True:
+                report = self.tick()
+                if report:
+                    return report
+                self.join(TICK_S)
+        finally:
+            self.cancel()
+
     def cancel(self) -> None:
         """Stops the job without waiting; its thread ends by itself at its next step."""
         self.cancelled = True

@@ -21,13 +21,7 @@ from bpy.props import (
 from ..core.pose.settings import RefineSettings
 from . import photo_image, splat_object
 
-LIMITS = {
-    "iterations": (1, 50),
-    "candidates": (1, 32),
-    "seed": (0, 2**31 - 1),
-    "long_side_px": (128, 8192),
-    "threads": (0, 256),
-}
+LIMITS = {"iterations": (1, 100), "candidates": (1, 64), "long_side_px": (64, 8192), "threads": (0, 256)}
 VERDICTS = (
     ("NONE", "None", "Not refined yet"),
     ("TRUSTED", "Trusted", "The camera fits the photo"),
@@ -43,16 +37,25 @@ def _field_docs() -> dict[str, str]:
     return {name: " ".join(text.split()).rstrip(".") for name, text in found}
 
 
+def _title(name: str) -> str:
+    """ "long_side_px" -> "Long Side (px)"; ratios need no unit."""
+    words = name.removesuffix("_ratio").split("_")
+    unit = f" ({words.pop()})" if words[-1] in {"px", "deg"} else ""
+    return " ".join(words).title() + unit
+
+
 def settings_annotations() -> dict[str, object]:
     """One Blender property per field of RefineSettings, with its default, limits and documentation."""
     docs, annotations = _field_docs(), {}
     for option in fields(RefineSettings):
-        common = {"name": option.name.replace("_px", "").replace("_", " ").title(), "description": docs.get(option.name, "")}
+        common = {"name": _title(option.name), "description": docs.get(option.name, "")}
         if isinstance(option.default, bool):
             annotations[option.name] = BoolProperty(default=option.default, **common)
-        else:
-            low, high = LIMITS[option.name]
+        elif isinstance(option.default, int):
+            low, high = LIMITS.get(option.name, (0, 2**31 - 1))
             annotations[option.name] = IntProperty(default=option.default, min=low, max=high, **common)
+        else:
+            annotations[option.name] = FloatProperty(default=option.default, min=0.0, precision=4, step=0.1, **common)
     return annotations
 
 
@@ -61,7 +64,8 @@ def settings_from(owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProp
     values = {}
     for option in fields(RefineSettings):
         source = overrides if overrides and overrides.is_property_set(option.name) else owner
-        values[option.name] = getattr(source, option.name)
+        value = getattr(source, option.name)
+        values[option.name] = float(f"{value:.6g}") if isinstance(value, float) else value  # Blender keeps float32
     return RefineSettings(**values)
 
 

@@ -5,7 +5,6 @@ from bpy.props import StringProperty
 
 from ..core.errors import GssmcError
 from ..gssmc_addon import jobs, photo_image, properties
-from ..gssmc_addon.worker import refinement
 
 
 class GSSMC_OT_refine(bpy.types.Operator):
@@ -30,12 +29,7 @@ class GSSMC_OT_refine(bpy.types.Operator):
         """Blocking; the way of scripts and background mode."""
         try:
             job = self._gather(context)
-            steps = refinement(job.inputs)
-            while True:
-                try:
-                    next(steps)
-                except StopIteration as end:
-                    return self._apply(context, job, end.value)
+            return self._apply(context, job, job.run())
         except GssmcError as error:
             return self._refuse(context, str(error))
 

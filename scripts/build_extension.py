@@ -1,0 +1,148 @@
+"""Builds the extension's zip files with Blender's own builder.
+
+python scripts/build_extension.py               one zip per platform in dist/, with the wheels its Pythons need
+python scripts/build_extension.py --no-wheels   one small zip for a Blender whose Python has them already (tests)
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+REPO = Path(__file__).resolve().parent.parent
+SHIPPED = ("blender_manifest.toml", "__init__.py", "LICENSE", "gssmc_addon", "operators", "core")
+PLATFORM_TAGS = {
+    "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_27_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
+    "windows-x64": ("win_amd64",),
+    "macos-arm64": tuple(f"macosx_{version}_arm64" for version in ("14_0", "13_0", "12_0", "11_0")),
+}
+# numpy is Blender's own and never in the zip. scipy's wheels are tied to one Python each: 3.11 is Blender 4.5 and 5.0,
+# 3.13 is Blender 5.1 and 5.2, 3.14 is what some distributions build Blender with.
+WHEELS = (
+    ("scipy==1.17.1", "3.11"),
+    ("scipy==1.18.1", "3.13"),
+    ("scipy==1.18.1", "3.14"),
+    ("opencv-contrib-python-headless==5.0.0.93", "3.11"),
+    ("plyfile==1.1.5", "3.11"),
+)
+
+
+def main() -> int:
+    options = parse_arguments()
+    builder = find_builder(options.bpy)
+    options.out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        stage = Path(folder) / "gssmc"
+        copy_sources(stage)
+        if not options.no_wheels:
+            fetch_wheels(options.platforms, options.wheels)
+            list_wheels(stage, options.platforms, options.wheels)
+        command = [sys.executable, str(builder), "build", "--source-dir", str(stage), "--output-dir", str(options.out)]
+        subprocess.run(command + ([] if options.no_wheels else ["--split-platforms"]), check=True)
+    for archive in sorted(options.out.glob("gssmc-*.zip")):
+        print(f"{archive}  {archive.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=REPO / "dist", help="folder for the zip files (dist)")
+    parser.add_argument(
+        "--wheels", type=Path, default=REPO / "wheels", help="folder in which downloaded wheels are kept (wheels)"
+    )
+    parser.add_argument("--no-wheels", action="store_true", help="one zip without wheels")
+    parser.add_argument("--platforms", nargs="+", choices=PLATFORM_TAGS, default=list(PLATFORM_TAGS), help="default: all")
+    parser.add_argument("--bpy", type=Path, help="folder of the bpy package; default: the one this Python would import")
+    return parser.parse_args()
+
+
+def find_builder(package: Path | None) -> Path:
+    """The path of blender_ext.py, which ships with bpy and needs no Blender to run."""
+    if package is None:
+        spec = importlib.util.find_spec("bpy")
+        if spec is None or spec.origin is None:
+            sys.exit("The builder is part of bpy, which this Python lacks; run it with .venv/bin/python or give --bpy.")
+        package = Path(spec.origin).parent
+    found = sorted(package.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py"))
+    if not found:
+        sys.exit(f"{package} holds no Blender extension builder; give the folder of the bpy package with --bpy.")
+    return found[-1]
+
+
+def copy_sources(stage: Path) -> None:
+    stage.mkdir()
+    for name in SHIPPED:
+        source = REPO / name
+        if source.is_dir():
+            shutil.copytree(source, stage / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(source, stage / name)
+
+
+def fetch_wheels(platforms: list[str], folder: Path) -> None:
+    """Downloads the wheels that `folder` lacks, each by its exact version, none with its dependencies."""
+    for platform in platforms:
+        target = folder / platform
+        target.mkdir(parents=True, exist_ok=True)
+        for requirement, python in WHEELS:
+            if not matching(target, requirement, python):
+                download(requirement, python, PLATFORM_TAGS[platform], target)
+
+
+def matching(folder: Path, requirement: str, python: str) -> list[Path]:
+    """The wheels in `folder` that fulfil `requirement` for that Python."""
+    name, version = requirement.split("==")
+    found = folder.glob(f"{name.replace('-', '_')}-{version}-*.whl")
+    tag = "cp" + python.replace(".", "")
+    return [w for w in found if f"-{tag}-" in w.name or "abi3" in w.name or "-none-any" in w.name]
+
+
+def download(requirement: str, python: str, tags: tuple[str, ...], target: Path) -> None:
+    pip = (
+        [sys.executable, "-m", "pip"]
+        if importlib.util.find_spec("pip")
+        else ["uv", "run", "--no-project", "--with", "pip", "pip"]
+    )
+    command = [
+        *pip,
+        "download",
+        "--quiet",
+        "--no-deps",
+        "--only-binary=:all:",
+        "--implementation",
+        "cp",
+        "--python-version",
+        python,
+    ]
+    for tag in tags:
+        command += ["--platform", tag]
+    subprocess.run([*command, "--dest", str(target), requirement], check=True)
+
+
+def list_wheels(stage: Path, platforms: list[str], folder: Path) -> None:
+    """Copies the wheels to the stage and names them in its manifest; the one in git stays without."""
+    (stage / "wheels").mkdir()
+    names = set()
+    for platform in platforms:
+        for requirement, python in WHEELS:
+            for wheel in matching(folder / platform, requirement, python):
+                shutil.copy2(wheel, stage / "wheels")
+                names.add(wheel.name)
+    manifest = stage / "blender_manifest.toml"
+    lines = "".join(f'  "./wheels/{name}",\n' for name in sorted(names))
+    text, count = re.subn(r"^wheels = \[\]$", f"wheels = [\n{lines}]", manifest.read_text(), flags=re.MULTILINE)
+    if count != 1:
+        sys.exit('blender_manifest.toml must hold the line "wheels = []" once, for the list of wheels to go in.')
+    wanted = ", ".join(f'"{p}"' for p in platforms)
+    text = re.sub(r"^platforms = .*$", f"platforms = [{wanted}]", text, flags=re.MULTILINE)
+    manifest.write_text(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
