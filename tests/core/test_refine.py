@@ -1,0 +1,142 @@
+"""The whole loop on a ray-cast room: exact truth, and a renderer that shares no code with ours."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from boxroom import BoxRoom
+
+from core.camera import Camera, Intrinsics, Pose, pose_error
+from core.errors import RefineError
+from core.lie import so3_exp
+from core.photo import Photo
+from core.pose.refine import iterate_refinement, refine
+from core.pose.settings import RefineSettings
+
+LENS = Intrinsics(320, 240, 260.0, 258.0, 163.0, 118.0, (-0.08, 0.02, 0.001, -0.0005, 0.0))
+TRUTH = Pose.from_centre(so3_exp([0.05, 0.2, 0.02]), [-0.4, 0.1, -2.6])
+DEPTH = 4.5  # about the median depth from there
+
+
+@pytest.fixture(scope="module")
+def room():
+    return BoxRoom()
+
+
+@pytest.fixture(scope="module")
+def photo(room):
+    return room.photo(LENS, TRUTH)
+
+
+def _start(ratio, degrees, seed=0):
+    rng = np.random.default_rng(seed)
+    way, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    return Pose.from_centre(so3_exp(np.radians(degrees) * axis) @ TRUTH.R, TRUTH.centre + ratio * DEPTH * way)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_near_start_comes_home(room, photo, seed):
+    report = refine(room, photo, Camera(LENS, _start(0.05, 4.0, seed), "p.png"))
+    distance, degrees = pose_error(report.camera.pose, TRUTH)
+    assert report.verdict == "trusted", report.reasons
+    assert distance < 0.001 * DEPTH and degrees < 0.06
+    assert report.camera.intrinsics == LENS and report.camera.file == "p.png"
+    assert report.iterations[-1].inliers > 200 and report.iterations[-1].epipolar_rms_px < 0.5
+
+
+def test_a_far_start_comes_home_in_more_iterations(room, photo):
+    report = refine(room, photo, Camera(LENS, _start(0.18, 15.0, 1)))
+    distance, degrees = pose_error(report.camera.pose, TRUTH)
+    assert report.verdict == "trusted", report.reasons
+    assert distance < 0.002 * DEPTH and degrees < 0.12
+    assert len(report.iterations) > 1
+
+
+def test_the_same_seed_gives_the_same_answer_whatever_the_threads(room, photo):
+    start = Camera(LENS, _start(0.05, 4.0))
+    a, b = (refine(room, photo, start, RefineSettings(seed=3, threads=threads)) for threads in (1, 3))
+    np.testing.assert_array_equal(a.camera.pose.R, b.camera.pose.R)
+    np.testing.assert_array_equal(a.camera.pose.t, b.camera.pose.t)
+
+
+def test_lens_distortion_is_honoured(room, photo):
+    """Told that there is no distortion, the same photo ends measurably farther off."""
+    start = _start(0.05, 4.0)
+    right = refine(room, photo, Camera(LENS, start))
+    wrong = refine(room, photo, Camera(LENS.pinhole(), start))
+    assert pose_error(right.camera.pose, TRUTH)[0] < 0.25 * pose_error(wrong.camera.pose, TRUTH)[0]
+
+
+@pytest.mark.parametrize(
+    ("off", "bound"), [({"epipolar": False}, 0.02), ({"multiview": False}, 0.05)], ids=["no-epipolar", "no-multiview"]
+)
+def test_an_ablation_runs_and_is_less_exact(room, photo, off, bound):
+    start = Camera(LENS, _start(0.05, 4.0))
+    full, less = (refine(room, photo, start, replace(RefineSettings(), **kw)) for kw in ({}, off))
+    error = pose_error(less.camera.pose, TRUTH)[0]
+    assert pose_error(full.camera.pose, TRUTH)[0] < error < bound * DEPTH
+
+
+def _failed_untouched(report, start, word):
+    assert report.verdict == "failed"
+    assert report.camera is start
+    assert len(report.reasons) >= 1 and all(word in r or r.endswith(".") for r in report.reasons)
+    assert word in " ".join(report.reasons)
+
+
+def test_a_photo_of_another_place_fails_and_leaves_the_camera(photo):
+    start = Camera(LENS, _start(0.05, 4.0))
+    _failed_untouched(refine(BoxRoom(seed=9), photo, start), start, "another place")
+
+
+def test_a_mirrored_photo_fails(room, photo):
+    start = Camera(LENS, _start(0.05, 4.0))
+    _failed_untouched(refine(room, Photo(np.ascontiguousarray(photo.pixels[:, ::-1])), start), start, "another place")
+
+
+def test_a_start_that_sees_nothing_says_so(room, photo):
+    start = Camera(LENS, Pose.from_centre(TRUTH.R, [50.0, 0.0, 60.0]))
+    _failed_untouched(refine(room, photo, start), start, "sees almost nothing")
+
+
+def test_a_photo_without_features_says_so(room):
+    start = Camera(LENS, TRUTH)
+    _failed_untouched(refine(room, Photo(np.full((240, 320, 3), 90, np.uint8)), start), start, "features")
+
+
+def test_progress_is_told_and_closing_the_generator_stops_the_work(photo):
+    room = BoxRoom()
+    work = iterate_refinement(room, photo, Camera(LENS, _start(0.05, 4.0)), RefineSettings(threads=1))
+    first = next(work)
+    assert first.iteration == 1 and 0 <= first.fraction < 1
+    next(work)
+    work.close()
+    calls = room.calls
+    assert calls < 7
+    with pytest.raises(StopIteration):
+        next(work)
+
+
+def test_fractions_rise_and_each_iteration_leaves_a_record(room, photo):
+    seen = []
+    report = refine(room, photo, Camera(LENS, _start(0.18, 15.0, 1)), on_progress=seen.append)
+    fractions = [p.fraction for p in seen]
+    assert fractions == sorted(fractions) and fractions[-1] < 1
+    assert [p.record for p in seen if p.record] == list(report.iterations)
+
+
+def test_an_exception_from_the_progress_callback_comes_through(room, photo):
+    class StopError(Exception):
+        pass
+
+    def stop(_):
+        raise StopError
+
+    with pytest.raises(StopError):
+        refine(room, photo, Camera(LENS, _start(0.05, 4.0)), on_progress=stop)
+
+
+@pytest.mark.parametrize("bad", [{"iterations": 0}, {"candidates": 0}, {"long_side_px": 10}, {"threads": -1}])
+def test_options_out_of_range_are_refused(bad):
+    with pytest.raises(RefineError, match=next(iter(bad))):
+        RefineSettings(**bad)
