@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# Sets up .venv from requirements.lock; does nothing when it is up to date. Sourced or run by demo.sh and test.sh.
+# Needs: bash, Python 3.13 (or uv, which brings one), and the system libraries that Blender's own module links to.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+find_uv() {
+  # `uv --version` and not `command -v`: a version manager's shim may exist and still refuse to run.
+  if uv --version >/dev/null 2>&1; then UV=uv; return; fi
+  UV=.uv/bin/uv
+  "$UV" --version >/dev/null 2>&1 && return
+  for python in python3.13 python3 python; do
+    if "$python" -m venv .uv >/dev/null 2>&1 && .uv/bin/python -m pip install -q uv; then return; fi
+  done
+  echo "setup: neither uv nor a Python with venv and pip was found; install uv or Python 3.13 and run this again." >&2
+  exit 2
+}
+
+stamp=.venv/requirements.lock
+if ! cmp -s requirements.lock "$stamp"; then
+  find_uv
+  [ -x .venv/bin/python ] || "$UV" venv -q --python "$(cat .python-version)" .venv
+  "$UV" pip sync -q --python .venv/bin/python --require-hashes requirements.lock
+  cp requirements.lock "$stamp"
+fi
+
+# Blender's module is linked against X11 and GL even when it draws nothing.
+libraries="libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libegl1"
+if ! .venv/bin/python -c "import bpy" >/dev/null 2>&1; then
+  if command -v apt-get >/dev/null && [ "$(id -u)" = 0 ]; then
+    apt-get update -q >/dev/null && apt-get install -y -q --no-install-recommends $libraries >/dev/null
+  fi
+  .venv/bin/python -c "import bpy" >/dev/null 2>&1 || {
+    echo "setup: Blender's Python module cannot be loaded; install the system libraries it needs (Debian: $libraries)." >&2
+    exit 2
+  }
+fi

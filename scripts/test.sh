@@ -1,0 +1,9 @@
+#!/usr/bin/env bash
+# All checks: style (ruff), types (mypy strict on core), tests (pytest). Arguments go to pytest.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+bash scripts/setup.sh
+.venv/bin/ruff check .
+.venv/bin/ruff format --check .
+.venv/bin/mypy
+exec .venv/bin/python -m pytest "$@"
