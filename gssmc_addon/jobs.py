@@ -96,6 +96,7 @@ class RefineJob:
                 if isinstance(news, RefineReport):
                     return news
                 self.progress = news
+                redraw()
         except GssmcError:
             self.cancel()
             raise
@@ -182,11 +183,10 @@ def end(job: RefineJob) -> None:
 
 
 def redraw() -> None:
-    """Asks every 3D viewport's sidebar to draw again."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+    """Asks every 3D viewport's sidebar to draw again; not the viewport itself, which may take long with a large splat."""
+    areas = (area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == "VIEW_3D")
+    for region in (region for area in areas for region in area.regions if region.type == "UI"):
+        region.tag_redraw()
 
 
 @bpy.app.handlers.persistent

@@ -16,12 +16,14 @@ MATERIAL = "GS-SMC Splat Colour"
 SH_C0 = 0.28209479177387814
 DISPLAY_GAMMA = 2.2  # splat colours are display-encoded, emission wants linear light
 RADIUS_SIGMAS = 1.2
+LARGEST_SHOWN = 0.98  # quantile; the few huge Gaussians of a far background would hide what lies behind
 MIN_SHOWN_OPACITY = 0.1  # haze would look like solid balls
 
 
 def dress_splat(obj: bpy.types.Object, scene: GaussianScene) -> None:
     """Gives the splat object its point sizes and its material."""
     radius = np.sqrt(np.sort(scene.scales, axis=1)[:, 1:].prod(axis=1)) * RADIUS_SIGMAS * np.sqrt(scene.opacities)
+    np.minimum(radius, np.quantile(radius, LARGEST_SHOWN), out=radius)
     radius[scene.opacities < MIN_SHOWN_OPACITY] = 0.0
     attribute = obj.data.attributes.get("radius") or obj.data.attributes.new("radius", "FLOAT", "POINT")
     attribute.data.foreach_set("value", radius.astype(np.float32))

@@ -14,9 +14,11 @@ class GSSMC_OT_refine(bpy.types.Operator):
     bl_label = "Refine Camera"
     bl_options = {"UNDO"}  # no REGISTER: the redo panel would run it again, blocking
 
-    splat: StringProperty(name="Splat", description="Name of the splat object; empty: the one picked in the panel")
-    camera: StringProperty(name="Camera", description="Name of the camera object; empty: the scene camera")
-    __annotations__.update(properties.settings_annotations())
+    __annotations__ = {
+        "splat": StringProperty(name="Splat", description="Name of the splat object; empty: the one picked in the panel"),
+        "camera": StringProperty(name="Camera", description="Name of the camera object; empty: the scene camera"),
+        **properties.settings_annotations(),
+    }
 
     @classmethod
     def poll(cls, context):
@@ -55,7 +57,6 @@ class GSSMC_OT_refine(bpy.types.Operator):
             return {"PASS_THROUGH"}
         try:
             report = job.tick()
-            jobs.redraw()
             if report is None:
                 return {"PASS_THROUGH"}
             jobs.end(job)

@@ -1,0 +1,90 @@
+"""The main job in the real window, by hand as a user does it; screenshots to look at.
+
+Not part of pytest: it runs inside a windowed Blender under a driver that gives view3d(), sidebar(), press(), shot() and waits
+for the seconds that steps() yields. Beside this file: scene.ply, photo.jpg, cameras.json (the photo's start camera).
+"""
+
+import os
+import sys
+import time
+
+import bpy
+
+HERE = os.path.dirname(__file__)
+JOB_LIMIT_S = 150
+SHADER_COMPILE_S = 40
+
+
+def jobs():
+    return sys.modules["bl_ext.user_default.gssmc.gssmc_addon.jobs"]
+
+
+def in_view(operator, *args, **kwargs):
+    window, area, region, _, _ = view3d()
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        return operator(*args, **kwargs)
+
+
+def camera_state():
+    camera = bpy.context.scene.camera
+    data = camera.data
+    return [x for row in camera.matrix_world for x in row] + [data.lens, data.shift_x, data.shift_y]
+
+
+def wait_for_job():
+    start = time.time()
+    while jobs().active() and time.time() - start < JOB_LIMIT_S:
+        yield 0.2
+    assert not jobs().active(), "the refinement did not end"
+
+
+def steps():
+    view3d()[3].show_region_ui = True
+    yield 1.0
+    sidebar("GS-SMC")
+    yield 1.0
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    shot("extra-1-empty.png")
+    in_view(bpy.ops.gssmc.import_splats, filepath=HERE + "/scene.ply", show_colours=False)
+    bpy.ops.ed.undo_push(message="import")
+    yield 2.0
+    shot("extra-2-imported.png")
+    in_view(bpy.ops.gssmc.add_photo, filepath=HERE + "/photo.jpg", camera="NEW", camera_file=HERE + "/cameras.json")
+    bpy.ops.ed.undo_push(message="photo")
+    yield 2.0
+    shot("extra-3-photo.png")
+    before = camera_state()
+
+    in_view(bpy.ops.gssmc.refine, "INVOKE_DEFAULT")
+    yield 2.0
+    assert jobs().active()
+    shot("extra-4-running.png")
+    pressed = time.time()
+    press("ESC")
+    while jobs().active() and time.time() - pressed < 10:
+        yield 0.05
+    print(f"Esc took {time.time() - pressed:.2f} s", flush=True)
+    assert time.time() - pressed < 1.0
+    assert camera_state() == before
+    yield 1.0
+    shot("extra-5-cancelled.png")
+
+    in_view(bpy.ops.gssmc.refine, "INVOKE_DEFAULT")
+    yield from wait_for_job()
+    yield 1.5
+    shot("extra-6-refined.png")
+    after = camera_state()
+    assert after != before
+    press("Z", ctrl=True)
+    yield 2.0
+    assert camera_state() == before, "one Ctrl-Z must take the camera back"
+    shot("extra-7-undone.png")
+    press("Z", ctrl=True, shift=True)
+    yield 2.0
+    assert camera_state() == after
+    view3d()[3].shading.type = "MATERIAL"
+    for slot in bpy.context.scene.camera.data.background_images:
+        slot.alpha = 0.0
+    for _ in range(SHADER_COMPILE_S):  # software GL compiles EEVEE's shaders for long
+        yield 1.0
+    shot("extra-8-colours.png")
