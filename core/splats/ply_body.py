@@ -1,0 +1,126 @@
+"""The body of a PLY file: the vertex element's wanted columns, in chunks of bounded memory, whatever their order or type."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SplatFormatError
+from .ply_header import PlyElement, PlyHeader
+from .scene import Float32Array
+
+CHUNK_BYTES = 1 << 20  # a chunk and its columns stay in the processor's cache while they are turned
+ASCII_CHUNK_ROWS = 4096
+
+
+def rows_at_most(file: IO[bytes], header: PlyHeader, vertex: PlyElement) -> int:
+    """Upper bound of vertex rows that the rest of `file` can hold, so that a false count never sizes an array."""
+    left = os.fstat(file.fileno()).st_size - file.tell()
+    if header.byte_order:
+        return min(vertex.count, left // _row_type(header, vertex).itemsize)
+    return min(vertex.count, (left + 1) // (2 * len(vertex.properties)))  # a digit and a separator for each value
+
+
+def vertex_columns(file: IO[bytes], header: PlyHeader, names: Sequence[str]) -> Iterator[Float32Array]:
+    """Chunks (n, len(names)) of the vertex element's columns `names`, float32, in the file's row order.
+
+    `file` stands at the first vertex row. The arrays may be reused between chunks. Fewer rows than promised end the
+    iteration early; the caller counts. Raises SplatFormatError on text that is not numbers.
+    """
+    vertex = header.element("vertex")
+    assert vertex is not None
+    order = [p.name for p in vertex.properties]
+    columns = [order.index(name) for name in names]
+    if header.byte_order:
+        return _binary_chunks(file, _row_type(header, vertex), rows_at_most(file, header, vertex), columns)
+    return _ascii_chunks(file, vertex.count, len(order), columns)
+
+
+def skip_elements_before_vertex(file: IO[bytes], header: PlyHeader) -> None:
+    """Move `file` from the body's start to the first vertex row. Raises SplatFormatError when the file ends before it."""
+    for element in itertools.takewhile(lambda e: e.name != "vertex", header.elements):
+        if not header.byte_order:
+            if sum(1 for _ in itertools.islice(file, element.count)) < element.count:
+                raise _ends_in(element)
+        elif element.has_lists:
+            _skip_lists(file, header.byte_order, element)
+        else:
+            file.seek(_row_type(header, element).itemsize * element.count, os.SEEK_CUR)
+            if file.tell() > os.fstat(file.fileno()).st_size:
+                raise _ends_in(element)
+
+
+def _ends_in(element: PlyElement) -> SplatFormatError:
+    return SplatFormatError(
+        f"The PLY file ends inside its element '{element.name}'; it is cut off, so copy or export it again."
+    )
+
+
+def _row_type(header: PlyHeader, element: PlyElement) -> np.dtype[np.void]:
+    return np.dtype([(f"c{i}", header.byte_order + p.type) for i, p in enumerate(element.properties)])
+
+
+def _skip_lists(file: IO[bytes], byte_order: str, element: PlyElement) -> None:
+    end = os.fstat(file.fileno()).st_size
+    types = [
+        (np.dtype(byte_order + (p.count_type or p.type)), np.dtype(p.type).itemsize, p.count_type) for p in element.properties
+    ]
+    for _ in range(element.count):
+        for head, item_size, count_type in types:
+            raw = file.read(head.itemsize)
+            if len(raw) < head.itemsize:
+                raise _ends_in(element)
+            if count_type:
+                length = int(np.frombuffer(raw, head)[0])
+                if length < 0 or file.tell() + length * item_size > end:
+                    raise _ends_in(element)
+                file.seek(length * item_size, os.SEEK_CUR)
+
+
+def _binary_chunks(file: IO[bytes], row: np.dtype[np.void], count: int, columns: list[int]) -> Iterator[Float32Array]:
+    step = max(1, CHUNK_BYTES // row.itemsize)
+    buffer = np.empty(step * row.itemsize, np.uint8)
+    out = np.empty((step, len(columns)), np.float32)
+    fields = [field[0] for field in (row.fields or {}).values()]
+    alike = len(set(fields)) == 1
+    for start in range(0, count, step):
+        n = min(step, count - start)
+        got = file.readinto(memoryview(buffer)[: n * row.itemsize]) // row.itemsize  # type: ignore[attr-defined]
+        raw = buffer[: got * row.itemsize]
+        if alike:
+            out[:got] = raw.view(fields[0]).reshape(got, len(fields))[:, columns]
+        else:
+            records = raw.view(row)
+            for j, column in enumerate(columns):
+                out[:got, j] = records[f"c{column}"]
+        yield out[:got]
+
+
+def _ascii_chunks(file: IO[bytes], count: int, width: int, columns: list[int]) -> Iterator[Float32Array]:
+    lines = itertools.islice((line for line in file if not line.isspace()), count)
+    done = 0
+    while chunk := list(itertools.islice(lines, ASCII_CHUNK_ROWS)):
+        try:
+            values = _parse(chunk, columns, width)
+        except ValueError:
+            raise SplatFormatError(
+                f"The ascii PLY does not hold {width} numbers per line near vertex {done}; it is damaged, so export it again."
+            ) from None
+        yield values
+        done += len(chunk)
+
+
+def _parse(lines: list[bytes], columns: list[int], width: int) -> Float32Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        values: NDArray[np.float64] = np.loadtxt(lines, np.float64, comments=None, ndmin=2, encoding="latin-1")
+    if values.shape != (len(lines), width):
+        raise ValueError("rows of another width")
+    with np.errstate(over="ignore"):
+        return values[:, columns].astype(np.float32)
