@@ -1,5 +1,7 @@
 """CPU rasteriser for 3D Gaussian scenes, with exact INRIA semantics."""
 
+from .reference import render_reference
+from .renderer import Renderer
 from .view import RenderedView, RenderSettings
 
-__all__ = ["RenderSettings", "RenderedView"]
+__all__ = ["RenderSettings", "RenderedView", "Renderer", "render_reference"]
