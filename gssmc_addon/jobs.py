@@ -113,6 +113,8 @@ def gather(
     """Copies all inputs out of Blender. Raises GssmcError, with what to do, when something is missing or unfit."""
     if splat is None:
         raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
+    if splat.name not in scene.objects:
+        raise RefineError(f'The splat "{splat.name}" is no longer in the scene; pick another one in the panel.')
     if camera is None or camera.type != "CAMERA":
         raise RefineError("The scene has no camera for the photo; use Add Photo in the GS-SMC panel.")
     if photo is None:

@@ -17,8 +17,14 @@ from . import camera_bridge, photo_image
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
 
 
-def find_camera(path: str, photo: Photo) -> Camera:
-    """The camera of the file that names this photo, or its only one. Raises CameraError when none fits the photo."""
+def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
+    """The camera of the file that names this photo, or its only one.
+
+    Raises CameraError when none fits the photo, or when there is no splat that its pose could be placed in.
+    """
+    if not scene.gssmc.splat:
+        raise CameraError("The camera file's pose needs a splat to stand in; import the splat first.")
+    camera_bridge.splat_similarity(scene.gssmc.splat)
     cameras = read_cameras(Path(bpy.path.abspath(path)))
     name = Path(photo.file).name
     named = [c for c in cameras if Path(c.file).name == name]
@@ -71,10 +77,7 @@ def fit_camera(
 ) -> list[str]:
     """Gives the camera its photo, lens and, from a camera file, its pose. Sentences on what was found and set."""
     scene, data = context.scene, camera.data
-    if given and not scene.gssmc.splat:
-        raise CameraError("The camera file's pose needs a splat to stand in; import the splat first.")
     scene.camera = camera
-    context.view_layer.update()
     notes = list(photo.notes)
     if given:
         camera_bridge.write_camera(scene, camera, scene.gssmc.splat, given)

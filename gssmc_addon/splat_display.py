@@ -32,7 +32,8 @@ def dress_splat(obj: bpy.types.Object, scene: GaussianScene) -> None:
 
 def _new_material() -> bpy.types.Material:
     material = bpy.data.materials.new(MATERIAL)
-    material.use_nodes = True
+    if material.node_tree is None:  # before Blender 5
+        material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
     attribute = tree.nodes.new("ShaderNodeAttribute")

@@ -97,8 +97,8 @@ def _value_name(attribute: bpy.types.Attribute) -> str:
     kinds = {"FLOAT_VECTOR": "vector", "FLOAT_COLOR": "color", "QUATERNION": "value"}
     if attribute.data_type in kinds:
         return kinds[attribute.data_type]
-    names = attribute.data[0].bl_rna.properties.keys()
-    return next(n for n in ("value", "vector", "color") if n in names)
+    names = attribute.data[0].bl_rna.properties
+    return next(name for name in ("vector", "value", "color") if name in names)  # FLOAT4: young, hence looked up
 
 
 def _base_type(cloud: bpy.types.PointCloud) -> str:

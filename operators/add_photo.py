@@ -46,9 +46,10 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
         return False  # ImportHelper would append a file extension
 
     def execute(self, context):
+        context.view_layer.update()  # scripts place objects and expect that to count
         try:
             photo = read_photo(Path(self.filepath))
-            given = photo_camera.find_camera(self.camera_file, photo) if self.camera_file else None
+            given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
             image = photo_image.load_image(self.filepath, photo)
             camera = photo_camera.choose_camera(context, self.camera, image.name)
             notes = photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)

@@ -1,0 +1,51 @@
+"""Register, unregister, register: nothing is left behind, nothing is missing."""
+
+import pytest
+
+MODULE = "bl_ext.user_default.gssmc"
+
+
+def traces(bpy):
+    """What a registered extension leaves in Blender, by name."""
+    types = {name for name in dir(bpy.types) if "gssmc" in name.lower()}
+    handlers = {
+        f"{kind}:{handler.__name__}"
+        for kind in dir(bpy.app.handlers)
+        if isinstance(getattr(bpy.app.handlers, kind), list)
+        for handler in getattr(bpy.app.handlers, kind)
+        if "gssmc" in getattr(handler, "__module__", "")
+    }
+    properties = {cls for cls in ("Scene", "Camera", "WindowManager") if "gssmc" in getattr(bpy.types, cls).bl_rna.properties}
+    menu = {f.__name__ for f in bpy.types.TOPBAR_MT_file_import._dyn_ui_initialize() if "gssmc" in f.__module__}
+    return types, handlers, properties, menu
+
+
+def test_nothing_is_left_and_all_comes_back(bpy):
+    import addon_utils  # Blender's own module, there once bpy is
+
+    before = traces(bpy)
+    assert all(before), "the probe itself must see the registered extension"
+    for _ in range(2):
+        addon_utils.disable(MODULE)
+        assert traces(bpy) == (set(), set(), set(), set())
+        with pytest.raises(AttributeError):
+            bpy.ops.gssmc.import_splats(filepath="")
+        assert addon_utils.enable(MODULE) is not None
+        assert traces(bpy) == before
+
+
+def test_settings_have_the_engines_defaults(bpy, extension):
+    settings = extension("core.pose.settings").RefineSettings()
+    assert extension("gssmc_addon.properties").settings_from(bpy.context.scene.gssmc) == settings
+
+
+def test_every_setting_has_a_tooltip(bpy, extension):
+    names = extension("gssmc_addon.properties").settings_annotations()
+    rna = bpy.context.scene.gssmc.bl_rna.properties
+    assert [n for n in names if len(rna[n].description) < 10] == []
+
+
+def test_core_inside_blender_is_the_zips_own(bpy, extension):
+    import core.camera
+
+    assert extension("core.camera").__file__ != core.camera.__file__

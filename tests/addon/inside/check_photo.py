@@ -1,0 +1,186 @@
+"""Add Photo: camera, background, lens and frame."""
+
+import json
+
+import numpy as np
+import pytest
+from samples import counts, write_photo
+
+DIAGONAL_35MM = np.hypot(36, 24)
+
+
+def focal_px(camera, width, height):
+    """Focal length along the long side, by Blender's definition: lens over sensor width in AUTO fit."""
+    assert camera.data.sensor_fit == "AUTO"
+    return camera.data.lens / camera.data.sensor_width * max(width, height)
+
+
+def test_makes_a_camera_with_the_photo_behind_it(bpy, tmp_path):
+    photo = write_photo(tmp_path / "a.jpg", 60, 90, focal_35mm=28)
+    assert bpy.ops.gssmc.add_photo(filepath=str(photo)) == {"FINISHED"}
+    camera = bpy.context.scene.camera
+    (background,) = camera.data.background_images
+    assert camera.data.show_background_images
+    assert tuple(background.image.size) == (60, 90)
+    assert camera.data.gssmc.photo == background.image
+    assert focal_px(camera, 60, 90) == pytest.approx(28 * np.hypot(60, 90) / DIAGONAL_35MM, rel=1e-5)
+    render = bpy.context.scene.render
+    assert (render.resolution_x, render.resolution_y) == (60, 90)
+
+
+def test_a_photo_without_exif_keeps_the_lens(bpy, tmp_path):
+    camera = add_camera(bpy)
+    camera.data.lens = 41.0
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="SCENE")
+    assert bpy.context.scene.camera == camera
+    assert camera.data.lens == pytest.approx(41.0)
+
+
+def test_takes_the_scene_camera_once(bpy, tmp_path):
+    camera = add_camera(bpy)
+    camera.location = (1, 2, 3)
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")))
+    assert bpy.context.scene.camera == camera
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "b.png")))
+    second = bpy.context.scene.camera
+    assert second != camera
+    assert tuple(second.matrix_world.translation) == (1, 2, 3)
+    assert camera.data.background_images[0].image.name == "a.png"
+
+
+def test_resolution_of_the_same_shape_stays(bpy, tmp_path):
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = 600, 900
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png", 60, 90)))
+    assert (render.resolution_x, render.resolution_y) == (600, 900)
+
+
+def test_resolution_can_be_kept(bpy, tmp_path):
+    render = bpy.context.scene.render
+    before = render.resolution_x, render.resolution_y
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png", 60, 90)), set_resolution=False)
+    assert (render.resolution_x, render.resolution_y) == before
+
+
+def test_a_photo_with_exif_rotation_stands_upright(bpy, tmp_path):
+    """Stored red over blue; orientation 6 turns it clockwise, so red is on the right. Blender itself would not turn it."""
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.jpg", 60, 90, orientation=6)))
+    image = bpy.context.scene.camera.data.background_images[0].image
+    assert tuple(image.size) == (90, 60)
+    pixels = np.array(image.pixels[:]).reshape(60, 90, 4)
+    np.testing.assert_allclose(pixels[30, 80, :3], (1, 0, 0), atol=0.02)
+    np.testing.assert_allclose(pixels[30, 10, :3], (0, 0, 1), atol=0.02)
+
+
+def test_an_upside_down_photo_stands_upright(bpy, tmp_path):
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.jpg", 60, 90, orientation=3)))
+    image = bpy.context.scene.camera.data.background_images[0].image
+    bottom_row = np.array(image.pixels[: 60 * 4]).reshape(60, 4)
+    assert bottom_row[30, 0] > 0.9
+
+
+def test_picking_a_photo_in_the_panel_shows_it(bpy, tmp_path):
+    camera = add_camera(bpy)
+    image = bpy.data.images.load(str(write_photo(tmp_path / "a.png")))
+    camera.data.gssmc.photo = image
+    assert [b.image for b in camera.data.background_images] == [image]
+
+
+def not_there(path):
+    return path
+
+
+def no_picture(path):
+    path.write_bytes(b"no picture at all")
+    return path
+
+
+@pytest.mark.parametrize("make", [not_there, no_picture])
+def test_a_bad_photo_changes_nothing(bpy, tmp_path, make):
+    before = counts(bpy)
+    with pytest.raises(RuntimeError) as error:
+        bpy.ops.gssmc.add_photo(filepath=str(make(tmp_path / "bad.jpg")))
+    assert "Traceback" not in str(error.value)
+    assert counts(bpy) == before
+    assert bpy.context.scene.camera is None
+
+
+def write_cameras(path, **changes):
+    frame = {"file": "a.png", "width": 60, "height": 90, "fx": 80.0, "fy": 84.0, "cx": 31.0, "cy": 44.0}
+    frame |= {"dist": [0.1, -0.05, 0.001, 0.002], "R": np.eye(3).tolist(), "t": [0.5, 0.25, 2.0]}
+    path.write_text(json.dumps({"frames": [frame | changes, frame | {"file": "other.png", "fx": 10.0}]}))
+    return path
+
+
+def test_a_camera_file_gives_pose_lens_and_distortion(bpy, tmp_path, splat_file):
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
+    cameras = write_cameras(tmp_path / "cameras.json")
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera_file=str(cameras))
+    camera, render = bpy.context.scene.camera, bpy.context.scene.render
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(np.array(camera.matrix_world)[:3, 3], (-0.5, -0.25, -2.0), atol=1e-6)
+    np.testing.assert_allclose(np.array(camera.matrix_world)[:3, :3], np.diag([1, -1, -1]), atol=1e-6)
+    projection = np.array(
+        camera.calc_matrix_camera(
+            bpy.context.evaluated_depsgraph_get(), x=60, y=90, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
+        )
+    )
+    np.testing.assert_allclose((projection[0, 0] * 30, projection[1, 1] * 45), (80, 84), rtol=1e-5)
+    np.testing.assert_allclose(((1 - projection[0, 2]) * 30, (1 + projection[1, 2]) * 45), (31, 44), atol=1e-3)
+    lens = camera.data.gssmc
+    assert (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3) == pytest.approx((0.1, -0.05, 0.001, 0.002, 0.0))
+
+
+@pytest.mark.parametrize("changes", [{"file": "elsewhere.png"}, {"width": 61}, {"R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}])
+def test_a_camera_file_that_does_not_fit_changes_nothing(bpy, tmp_path, splat_file, changes):
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    photo, cameras = write_photo(tmp_path / "a.png"), write_cameras(tmp_path / "cameras.json", **changes)
+    before = counts(bpy)
+    with pytest.raises(RuntimeError):
+        bpy.ops.gssmc.add_photo(filepath=str(photo), camera_file=str(cameras))
+    assert counts(bpy) == before
+    assert bpy.context.scene.camera is None
+
+
+def test_a_camera_file_without_a_splat_changes_nothing(bpy, tmp_path):
+    photo, cameras = write_photo(tmp_path / "a.png"), write_cameras(tmp_path / "cameras.json")
+    before = counts(bpy)
+    with pytest.raises(RuntimeError, match="splat"):
+        bpy.ops.gssmc.add_photo(filepath=str(photo), camera_file=str(cameras))
+    assert counts(bpy) == before
+    assert bpy.context.scene.camera is None
+
+
+def test_intrinsics_are_those_blender_draws_with(bpy, extension):
+    """Our K against Blender's own projection matrix, over random lenses, sensors, fits, shifts and pixel aspects."""
+    bridge, conventions = extension("gssmc_addon.camera_bridge"), extension("core.conventions")
+    camera, scene = add_camera(bpy), bpy.context.scene
+    rng = np.random.default_rng(4)
+    for number in range(60):
+        data = camera.data
+        data.sensor_fit = ("AUTO", "HORIZONTAL", "VERTICAL")[number % 3]
+        data.lens, data.sensor_width, data.sensor_height = rng.uniform(10, 120), rng.uniform(10, 40), rng.uniform(10, 40)
+        data.shift_x, data.shift_y = rng.uniform(-0.4, 0.4, 2)
+        scene.render.pixel_aspect_x, scene.render.pixel_aspect_y = ((1, 1), (1, 1.5), (1.25, 1))[number // 3 % 3]
+        width, height = (int(x) for x in rng.integers(100, 4000, 2))
+        bpy.context.view_layer.update()
+        matrix = np.array(
+            camera.calc_matrix_camera(
+                bpy.context.evaluated_depsgraph_get(),
+                x=width,
+                y=height,
+                scale_x=scene.render.pixel_aspect_x,
+                scale_y=scene.render.pixel_aspect_y,
+            )
+        )
+        k = conventions.intrinsics_from_blender(bridge.read_lens(scene, data), width, height)
+        np.testing.assert_allclose((k.fx, k.fy), (matrix[0, 0] * width / 2, matrix[1, 1] * height / 2), rtol=1e-5)
+        centre = (1 - matrix[0, 2]) * width / 2, (1 + matrix[1, 2]) * height / 2
+        np.testing.assert_allclose((k.cx, k.cy), centre, atol=2e-3)
+
+
+def add_camera(bpy):
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+    return camera

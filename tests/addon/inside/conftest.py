@@ -1,0 +1,42 @@
+"""A Blender with the extension's zip freshly installed."""
+
+import os
+import sys
+
+import pytest
+from samples import random_gaussians, write_ply
+
+MODULE = "bl_ext.user_default.gssmc"
+
+
+@pytest.fixture(scope="session")
+def blender():
+    """bpy with the extension installed from the zip and enabled."""
+    import bpy
+
+    bpy.ops.extensions.package_install_files(filepath=os.environ["GSSMC_ZIP"], repo="user_default", enable_on_install=True)
+    assert os.environ["BLENDER_USER_RESOURCES"] in sys.modules[MODULE].__file__
+    return bpy
+
+
+@pytest.fixture
+def bpy(blender):
+    """An empty scene with nothing left from the test before."""
+    blender.ops.wm.read_homefile(use_empty=True)
+    return blender
+
+
+@pytest.fixture(scope="session")
+def extension(blender):
+    """Modules of the installed extension by their path below its root."""
+
+    def module(name):
+        __import__(f"{MODULE}.{name}")
+        return sys.modules[f"{MODULE}.{name}"]
+
+    return module
+
+
+@pytest.fixture
+def splat_file(tmp_path):
+    return write_ply(tmp_path / "scan.ply", random_gaussians(200, 1))

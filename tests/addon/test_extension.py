@@ -1,0 +1,41 @@
+"""Ring 2: the built zip, installed into a fresh user directory of the real bpy, driven through its operators.
+
+Each `inside/check_*.py` is a pytest module that runs in a Blender process of its own: a crash there fails one test here.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+REPO = HERE.parents[1]
+CHECKS = sorted((HERE / "inside").glob("check_*.py"))
+LIMIT_S = 240
+
+pytest.importorskip("bpy", reason="ring 2 needs Blender as a Python module (bpy)")
+
+
+@pytest.fixture(scope="session")
+def extension_zip(tmp_path_factory):
+    """The extension without wheels: the test environment already has what they would bring."""
+    out = tmp_path_factory.mktemp("dist")
+    build = [sys.executable, str(REPO / "scripts" / "build_extension.py"), "--no-wheels", "--out", str(out)]
+    done = subprocess.run(build, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return next(out.glob("gssmc-*.zip"))
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=[c.stem for c in CHECKS])
+def test_inside_blender(check, extension_zip, tmp_path):
+    environment = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-o", "python_files=check_*.py"]
+    command += ["-o", f"pythonpath=. {check.parent}", "-rs", str(check)]
+    done = subprocess.run(command, cwd=REPO, env=environment, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    assert done.returncode == 0, f"{done.stdout[-8000:]}\n{done.stderr[-2000:]}"
+
+
+def test_there_is_something_to_check():
+    assert len(CHECKS) >= 4
