@@ -19,7 +19,7 @@ from .matches import ViewMatches
 from .observe import Frontend, Observation, Query, ViewRenderer, make_query, observe
 from .report import IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .settings import RefineSettings
-from .solve import coarse_pose, fine_matches, fine_pose, usable_views
+from .solve import coarse_pose, fine_matches, fine_pose, keep_distance, usable_views
 from .verdict import assess, judge
 from .verify import view_at
 
@@ -146,7 +146,7 @@ class _Loop:
             if best is not None and not _supports(found, best):
                 break  # fewer matches agree than before: a later iteration must not spoil a good pose
             best, pose, moved_from = found, found.fit.pose, pose
-            if _inside_fan(found, moved_from, fan):
+            if settings.multiview and _inside_fan(found, moved_from, fan):
                 break
             fan = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
         return best, problem
@@ -187,6 +187,8 @@ class _Loop:
         if self.settings.epipolar:
             views = fine_matches(coarse, observations, self.query, self.frontend)
             fit = fine_pose(coarse, views, K) if views else None
+            if fit is not None and len(views) == 1:
+                fit = keep_distance(fit, coarse, views[0], K)
         else:
             views = [u.inliers for u in usable]
             fit = measure_epipolar(coarse, views, K)

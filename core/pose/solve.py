@@ -9,7 +9,7 @@ import numpy as np
 
 from ..camera import FloatArray, Pose
 from .consistency import consensus_pose
-from .epipolar import EpipolarFit, epipolar_residuals, refine_epipolar
+from .epipolar import EpipolarFit, epipolar_residuals, measure_epipolar, refine_epipolar
 from .matches import BoolArray, ViewMatches, bearings, world_points
 from .observe import Frontend, Observation, Query, align_matches
 from .two_view import TwoViewPose, two_view_pose
@@ -104,10 +104,10 @@ def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_
 
 def fine_matches(pose: Pose, observations: Sequence[Observation], query: Query, frontend: Frontend) -> list[ViewMatches]:
     """All views' matches that fit `pose`, aligned to sub-pixel. Left out: views with too few of them, and views so close to
-    `pose` that there is no parallax, whose epipolar lines turn with the noise.
+    `pose` that there is no parallax, whose epipolar lines turn with the noise (unless there are no others).
     """
     K = query.pinhole.matrix
-    apart = [o for o in observations if _parallax_px(pose, o, K) >= MIN_PARALLAX_PX]
+    apart = [o for o in observations if _parallax_px(pose, o, K) >= MIN_PARALLAX_PX] or observations
     aligned = [align_matches(o, query, gate(pose, o.matches, K), frontend.aligner) for o in apart]
     return [m for m in aligned if len(m) >= MIN_FINE_MATCHES]
 
@@ -124,3 +124,11 @@ def fine_pose(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> Epipol
     kept = [v.take(np.abs(epipolar_residuals(fit.pose, v, K)[0]) < 4 * s) for v, s in zip(views, fit.sigmas, strict=True)]
     kept = [v for v in kept if len(v) >= MIN_FINE_MATCHES]
     return refine_epipolar(fit.pose, kept, K) if kept else fit
+
+
+def keep_distance(fit: EpipolarFit, coarse: Pose, view: ViewMatches, K: FloatArray) -> EpipolarFit:
+    """One view alone says nothing of the distance to it: `fit` with the distance that the coarse pose had from its depth."""
+    distance = np.linalg.norm(coarse.centre - view.pose.centre)
+    way = fit.pose.centre - view.pose.centre
+    centre = view.pose.centre + way * distance / max(float(np.linalg.norm(way)), 1e-12)
+    return measure_epipolar(Pose.from_centre(fit.pose.R, centre), [view], K)

@@ -27,13 +27,14 @@ TRUSTED_COVERAGE = 0.25
 TRUSTED_RMS_PX = 1.0
 TRUSTED_DISAGREEMENT = 0.5  # per cent of the median depth
 TRUSTED_DISAGREEMENT_DEG = 0.4
+SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
 TRUSTED_STD = 0.3  # per cent of the median depth
 
 
 def assess(fit: EpipolarFit, views: Sequence[ViewMatches], view: FinalView, camera: Intrinsics, depth: float) -> PoseQuality:
     """Gathers the evidence for the pose of `fit`, found from `views`; `depth` is the median rendered depth, scene units."""
     apart, apart_deg = _halves(fit.pose, views, camera.matrix)
-    translation, rotation = _deviations(fit)
+    translation, rotation = _deviations(fit, depth)
     return PoseQuality(
         views_used=len(views),
         inliers=sum(len(v) for v in views),
@@ -105,15 +106,16 @@ def _halves(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> tuple[fl
     return pose_error(a, b)
 
 
-def _deviations(fit: EpipolarFit) -> tuple[float, float]:
+def _deviations(fit: EpipolarFit, depth: float) -> tuple[float, float]:
     """Standard deviation of the centre (scene units) and of the rotation (degrees), from the fit's covariance."""
-    try:
-        covariance = np.linalg.inv(fit.information)
-    except np.linalg.LinAlgError:
+    # Unit-free first: translations as shares of the depth are of the size of angles, so that singular means singular.
+    scale = np.array([depth] * 3 + [1.0] * 3)
+    values, vectors = np.linalg.eigh(fit.information * np.outer(scale, scale))
+    if values[0] <= SINGULAR * values[-1]:
         return float("inf"), float("inf")
-    # xi = (rho, phi) moves x_c by rho + phi x x_c; the centre in the world moves by -R^T (rho + phi x 0) to first order.
-    centre = float(np.sqrt(max(np.trace(covariance[:3, :3]), 0)))
-    return centre, float(np.degrees(np.sqrt(max(np.trace(covariance[3:, 3:]), 0))))
+    covariance = (vectors / values) @ vectors.T
+    # xi = (rho, phi) moves the centre in the world by -R^T rho to first order.
+    return depth * float(np.sqrt(np.trace(covariance[:3, :3]))), float(np.degrees(np.sqrt(np.trace(covariance[3:, 3:]))))
 
 
 def _coverage(views: Sequence[ViewMatches], camera: Intrinsics) -> float:
