@@ -68,7 +68,7 @@ def _gaussian_element(header: PlyHeader) -> PlyElement:
         raise SplatFormatError("The file is a compressed splat .ply (packed_position); export it as an uncompressed .ply.")
     if vertex is None or not {"opacity", "f_dc_0", "scale_0", "rot_0"} & set(names):
         raise SplatFormatError(
-            "The .ply holds a mesh or plain points, not Gaussian splats (no f_dc_0, opacity, scale_0, rot_0); choose a 3DGS .ply."
+            "The .ply holds a mesh or plain points, no Gaussians (no f_dc_0, opacity, scale_0, rot_0); choose a 3DGS file."
         )
     missing = [name for name in (*GEOMETRY, *COLOUR) if name not in names]
     if missing:

@@ -1,0 +1,100 @@
+"""Camera JSON: one camera, or a list under "frames".
+
+A camera is {"file", "width", "height", "fx", "fy", "cx", "cy", "dist": [k1, k2, p1, p2(, k3)], "R": 3x3, "t": [3]};
+world-to-camera, OpenCV axes, pixel centres at +0.5. "file" and "dist" may be left out.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .atomic import atomic_write
+from .camera import Camera, Intrinsics, Pose
+from .errors import CameraError
+
+NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
+
+
+def read_cameras(path: str | Path) -> list[Camera]:
+    """All cameras of a file, in its order. Raises CameraError with one sentence that names the camera and the key."""
+    path = Path(path)
+    data = load_json(path)
+    if isinstance(data, dict) and "frames" not in data:
+        return [camera_from_dict(data, f"The camera in '{path.name}'")]
+    frames = data["frames"] if isinstance(data, dict) else data
+    if not isinstance(frames, list) or not frames:
+        raise CameraError(f"'{path.name}' has no list of cameras under \"frames\"; give at least one camera there.")
+    return [camera_from_dict(frame, f"Camera {i + 1} of '{path.name}'") for i, frame in enumerate(frames)]
+
+
+def load_json(path: Path) -> Any:
+    """The content of a JSON file. Raises CameraError when it is missing or no JSON."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise CameraError(f"There is no camera file at '{path}'; check the path.") from None
+    except OSError as error:
+        raise CameraError(f"The camera file '{path}' cannot be read ({error.strerror}); check the path.") from error
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        where = f" (line {error.lineno}: {error.msg})" if isinstance(error, json.JSONDecodeError) else ""
+        raise CameraError(f"The camera file '{path.name}' is no valid JSON{where}; correct it or export it again.") from None
+
+
+def write_cameras(path: str | Path, cameras: list[Camera]) -> None:
+    """Write cameras under "frames", or a single one as it is; the file appears whole or not at all."""
+    dicts = [camera_to_dict(camera) for camera in cameras]
+    with atomic_write(path) as file:
+        json.dump(dicts[0] if len(dicts) == 1 else {"frames": dicts}, file, indent=1)
+
+
+def camera_to_dict(camera: Camera) -> dict[str, Any]:
+    """The camera as JSON holds it; `dist` has k1 k2 p1 p2, and k3 where it is not zero."""
+    k = camera.intrinsics
+    numbers = {name: getattr(k, name) for name in NUMBERS}
+    dist = list(k.dist if k.dist[4] else k.dist[:4])
+    return {"file": camera.file, **numbers, "dist": dist, "R": camera.pose.R.tolist(), "t": camera.pose.t.tolist()}
+
+
+def camera_from_dict(data: Any, name: str = "The camera") -> Camera:
+    """The camera in a JSON object; `name` begins the sentence of a CameraError."""
+    if not isinstance(data, dict):
+        raise CameraError(f"{name} is not a JSON object; give one with width, height, fx, fy, cx, cy, R and t.")
+    missing = [key for key in (*NUMBERS, "R", "t") if key not in data]
+    if missing:
+        raise CameraError(f"{name} lacks {', '.join(missing)}; give width, height, fx, fy, cx, cy, R and t.")
+    numbers = {key: float(_numbers(data[key], (), name, key)) for key in NUMBERS}
+    for key in ("width", "height"):
+        if not numbers[key].is_integer():
+            raise CameraError(f"{name} has a {key} of {numbers[key]:g} pixels; give a whole number.")
+    dist = np.atleast_1d(_numbers(data.get("dist") or [], (-1,), name, "dist"))
+    R, t = _numbers(data["R"], (3, 3), name, "R"), _numbers(data["t"], (3,), name, "t")
+    file = data.get("file", "")
+    if not isinstance(file, str):
+        raise CameraError(f"{name} has a file that is not text; give the photo's path.")
+    try:
+        fx, fy, cx, cy = (numbers[key] for key in ("fx", "fy", "cx", "cy"))
+        distortion: Any = tuple(dist.tolist())  # Intrinsics pads four values to five, and refuses more
+        lens = Intrinsics(int(numbers["width"]), int(numbers["height"]), fx, fy, cx, cy, distortion)
+        return Camera(lens, Pose(R, t), file)
+    except CameraError as error:
+        raise CameraError(f"{name} cannot be used: {error}") from None
+
+
+def _numbers(value: Any, shape: tuple[int, ...], name: str, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """`value` as a float64 array of `shape` (-1 = any length); CameraError when it is anything else."""
+    words = {(): "a number", (3,): "3 numbers", (3, 3): "3 rows of 3 numbers", (-1,): "a list of numbers"}[shape]
+    problem = CameraError(f"{name} has a {key} that is not {words}; correct it.")
+    try:
+        array = np.array(value)
+    except ValueError:
+        raise problem from None
+    if array.size and array.dtype.kind not in "if":
+        raise problem
+    fits = array.ndim == 1 if shape == (-1,) else array.shape == shape
+    if not fits or not np.isfinite(array).all():
+        raise problem
+    return array.astype(np.float64)
