@@ -1,0 +1,123 @@
+"""Accuracy and speed on the real scans: every held-out photo, from starts a stated distance off, against the known poses.
+
+    .venv/bin/python benchmarks/real_scenes.py [--scenes fox monstree] [--starts near far] [--seeds N] [--ablations]
+
+Needs the scans in ../shared/scenes (see the README); errors are per cent of the scan's median depth and degrees.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from core.camera_files import read_cameras
+
+from core.camera import Camera, Pose, pose_error
+from core.lie import so3_exp
+from core.photo import read_photo
+from core.pose.refine import refine
+from core.pose.report import RefineReport
+from core.pose.settings import RefineSettings
+from core.render import Renderer, RenderSettings
+from core.splats import read_splats
+
+SCENES = ROOT.parent / "shared" / "scenes"
+STARTS = {"near": (0.05, 4.0), "far": (0.30, 20.0), "hard": (0.50, 30.0)}  # share of the median depth, degrees
+BOUNDS = {"near": (0.3, 0.2), "far": (0.5, 0.3), "hard": (0.5, 0.3)}  # per cent, degrees: what counts as home
+VARIANTS = {"full": {}, "no multi-view": {"multiview": False}, "no epipolar": {"epipolar": False}}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One photo refined once: errors in per cent of the median depth and degrees, and the report."""
+
+    name: str
+    distance: float
+    degrees: float
+    report: RefineReport
+
+
+def start_camera(truth: Camera, depth: float, ratio: float, degrees: float, seed: int) -> Camera:
+    """`truth` moved by exactly `ratio` x `depth` and turned by exactly `degrees`, both in a random direction."""
+    rng = np.random.default_rng(seed)
+    way, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    R = so3_exp(np.radians(degrees) * axis) @ truth.pose.R
+    return replace(truth, pose=Pose.from_centre(R, truth.pose.centre + ratio * depth * way))
+
+
+def run_scene(scene: str, start: str, settings: RefineSettings, seeds: int) -> list[Trial]:
+    folder = SCENES / scene
+    depth = json.loads((folder / "queries.json").read_text())["median_depth"]
+    renderer = Renderer(read_splats(folder / "scene.ply"), RenderSettings(threads=1))
+    trials = []
+    for index, truth in enumerate(read_cameras(folder / "queries.json")):
+        photo = read_photo(folder / truth.file)
+        for seed in range(seeds):
+            camera = start_camera(truth, depth, *STARTS[start], seed=index + 100 * seed)
+            report = refine(renderer, photo, camera, replace(settings, seed=seed))
+            distance, degrees = pose_error(report.camera.pose, truth.pose)
+            trials.append(Trial(Path(truth.file).stem, 100 * distance / depth, degrees, report))
+    return trials
+
+
+def row(scene: str, start: str, variant: str, trials: list[Trial]) -> str:
+    d, r = np.array([t.distance for t in trials]), np.array([t.degrees for t in trials])
+    home = int(((d <= BOUNDS[start][0]) & (r <= BOUNDS[start][1])).sum())
+    verdicts = [t.report.verdict for t in trials]
+    lost = [t for t in trials if t.distance > BOUNDS[start][0] or t.degrees > BOUNDS[start][1]]
+    wrong = sum(t.report.verdict == "trusted" for t in lost)
+    seconds = np.array([t.report.seconds for t in trials])
+    return (
+        f"| {scene} | {start} | {variant} | {np.median(d):.3f} / {np.median(r):.3f} | {d.max():.3f} / {r.max():.3f} "
+        f"| {home} of {len(trials)} | {verdicts.count('trusted')} / {verdicts.count('check')} / {verdicts.count('failed')} "
+        f"| {wrong} | {np.median(seconds):.1f} | {np.median([len(t.report.iterations) for t in trials]):.0f} |"
+    )
+
+
+HEADER = (
+    "| scan | start | variant | median error (% depth / deg) | largest | home | trusted / check / failed "
+    "| lost but trusted | s per photo | iterations |\n|---|---|---|---|---|---|---|---|---|---|"
+)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", nargs="+", default=["fox", "monstree"])
+    parser.add_argument("--starts", nargs="+", choices=STARTS, default=["near", "far"])
+    parser.add_argument("--seeds", type=int, default=1, help="starts per photo")
+    parser.add_argument("--threads", type=int, default=0, help="0 = all cores")
+    parser.add_argument("--ablations", action="store_true", help="also without multi-view and without the epipolar stage")
+    parser.add_argument("--json", type=Path, help="write every trial here")
+    parser.add_argument("--verbose", action="store_true")
+    args = parser.parse_args()
+    if not SCENES.is_dir():
+        print(f"no scans at {SCENES}: nothing to measure", file=sys.stderr)
+        return 2
+    print(HEADER, flush=True)
+    dump = []
+    for scene in args.scenes:
+        for start in args.starts:
+            for variant, switches in VARIANTS.items() if args.ablations else [("full", {})]:
+                trials = run_scene(scene, start, replace(RefineSettings(threads=args.threads), **switches), args.seeds)
+                print(row(scene, start, variant, trials), flush=True)
+                for t in trials:
+                    dump.append([scene, start, variant, t.name, t.distance, t.degrees, t.report.verdict, t.report.seconds])
+                    if args.verbose:
+                        print("  ", t.name, f"{t.distance:.3f} % {t.degrees:.3f} deg", t.report.verdict, *t.report.reasons)
+    print(f"\npeak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
+    if args.json:
+        args.json.write_text(json.dumps(dump, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

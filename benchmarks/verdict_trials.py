@@ -1,0 +1,188 @@
+"""How far the verdict can be trusted: hundreds of refinements, good and hopeless, against the known poses.
+
+    .venv/bin/python benchmarks/verdict_trials.py [--out TRIALS.json] [--limit N]
+
+Every held-out photo of the scans in ../shared/scenes, from near to hopeless starts, as it is and spoilt: mirrored, 40 % of it
+covered, dark, bright, blurred, filled with a repeated texture, or taken from the other scan. Prints the table of verdicts
+against the truth. A pose is right within 1 % of the median depth and 1 deg; a photo that is not of the place has no right pose.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+
+from real_scenes import SCENES, STARTS, start_camera
+
+from core.camera import Camera, pose_error
+from core.camera_files import read_cameras
+from core.photo import Photo, read_photo
+from core.pose.refine import refine
+from core.pose.settings import RefineSettings
+from core.render import Renderer, RenderSettings
+from core.splats import read_splats
+
+RIGHT = (1.0, 1.0)  # per cent of the median depth, degrees
+ALL_STARTS = {**STARTS, "hopeless": (1.5, 90.0)}
+OTHER = {"fox": "monstree", "monstree": "fox"}
+Pixels = np.ndarray
+
+
+def covered(image: Pixels, rng: np.random.Generator) -> Pixels:
+    """40 % of the photo behind flat and noisy rectangles."""
+    out, h, w = image.copy(), *image.shape[:2]
+    hidden = np.zeros((h, w), bool)
+    while hidden.mean() < 0.4:
+        y, x = rng.integers(0, h), rng.integers(0, w)
+        box = np.s_[y : y + rng.integers(h // 8, h // 3), x : x + rng.integers(w // 8, w // 3)]
+        hidden[box] = True
+        out[box] = np.clip(rng.integers(0, 255, 3) + rng.normal(0, 20, out[box].shape), 0, 255)
+    return out
+
+
+def repeated(image: Pixels, rng: np.random.Generator) -> Pixels:
+    """A patch of the photo laid out like tiles over all of it."""
+    h, w = image.shape[:2]
+    size = min(h, w) // 6
+    y, x = rng.integers(0, h - size), rng.integers(0, w - size)
+    tiled = np.tile(image[y : y + size, x : x + size], (h // size + 1, w // size + 1, 1))
+    return np.ascontiguousarray(tiled[:h, :w])
+
+
+def curve(gain: float, gamma: float) -> Callable[[Pixels, np.random.Generator], Pixels]:
+    return lambda image, _: np.clip(255 * gain * (image / 255.0) ** gamma, 0, 255).astype(np.uint8)
+
+
+SPOILERS: dict[str, Callable[[Pixels, np.random.Generator], Pixels]] = {
+    "as it is": lambda image, _: image,
+    "40 % covered": covered,
+    "dark": curve(0.35, 1.3),
+    "bright": curve(1.6, 0.8),
+    "blurred": lambda image, _: cv2.GaussianBlur(image, (0, 0), 2.0 * max(image.shape) / 640),
+    "mirrored": lambda image, _: np.ascontiguousarray(image[:, ::-1]),
+    "repeated texture": repeated,
+    "other scan": lambda image, _: image,
+}
+NO_TRUTH = {"mirrored", "repeated texture", "other scan"}
+
+
+def plan() -> Iterator[tuple[str, str, str, int]]:
+    """(scene, spoiler, start, seed) of every batch of photos."""
+    for scene in OTHER:
+        for start in ALL_STARTS:
+            for seed in (1, 2) if start != "hopeless" else (1,):
+                yield scene, "as it is", start, seed
+        for spoiler in list(SPOILERS)[1:]:
+            for start in ("near", "far"):
+                yield scene, spoiler, start, 3
+
+
+def run(scene: str, spoiler: str, start: str, seed: int, renderer: Renderer) -> list[dict[str, object]]:
+    folder, rows = SCENES / scene, []
+    depth = json.loads((folder / "queries.json").read_text())["median_depth"]
+    others = read_cameras(SCENES / OTHER[scene] / "queries.json")
+    for index, truth in enumerate(read_cameras(folder / "queries.json")):
+        source, camera = SCENES / scene / truth.file, start_camera(truth, depth, *ALL_STARTS[start], seed=index + 100 * seed)
+        if spoiler == "other scan":
+            other = others[index % len(others)]
+            source, camera = SCENES / OTHER[scene] / other.file, replace(camera, intrinsics=other.intrinsics)
+        photo = read_photo(source)
+        spoilt = Photo(SPOILERS[spoiler](photo.pixels, np.random.default_rng(index)))
+        rows.append(record(scene, spoiler, start, truth, spoilt, camera, renderer, depth, seed))
+    return rows
+
+
+def record(
+    scene: str,
+    spoiler: str,
+    start: str,
+    truth: Camera,
+    photo: Photo,
+    camera: Camera,
+    renderer: Renderer,
+    depth: float,
+    seed: int,
+) -> dict[str, object]:
+    report = refine(renderer, photo, camera, RefineSettings(seed=seed))
+    distance, degrees = pose_error(report.camera.pose, truth.pose)
+    right = spoiler not in NO_TRUTH and 100 * distance / depth <= RIGHT[0] and degrees <= RIGHT[1]
+    return {
+        "scene": scene,
+        "photo": Path(truth.file).stem,
+        "spoiler": spoiler,
+        "start": start,
+        "distance": 100 * distance / depth,
+        "degrees": degrees,
+        "right": right,
+        "verdict": report.verdict,
+        "seconds": report.seconds,
+        "reasons": report.reasons,
+        "quality": asdict(report.quality) if report.quality else None,
+    }
+
+
+def table(rows: list[dict[str, object]]) -> str:
+    out = [
+        "| photo | start | trials | right | trusted & right | trusted & wrong | check | failed |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    groups = sorted({(str(r["spoiler"]), str(r["start"])) for r in rows}, key=lambda g: (list(SPOILERS).index(g[0]), g[1]))
+    for spoiler, start in groups:
+        out.append(_counts(f"{spoiler} | {start}", [r for r in rows if r["spoiler"] == spoiler and r["start"] == start]))
+    out.append(_counts("all | all", rows))
+    trusted = [r for r in rows if r["verdict"] == "trusted"]
+    right = [r for r in rows if r["right"]]
+    wrong = sum(not r["right"] for r in trusted)
+    kept = sum(r["verdict"] == "trusted" for r in right)
+    out.append(f"\nOf {len(trusted)} poses called trusted, {wrong} are wrong ({100 * wrong / max(1, len(trusted)):.1f} %).")
+    out.append(f"Of {len(right)} right poses, {kept} are called trusted ({100 * kept / max(1, len(right)):.1f} %).")
+    return "\n".join(out)
+
+
+def _counts(name: str, rows: list[dict[str, object]]) -> str:
+    right = [r for r in rows if r["right"]]
+    trusted = [r for r in rows if r["verdict"] == "trusted"]
+    verdicts = [r["verdict"] for r in rows]
+    good = sum(bool(r["right"]) for r in trusted)
+    return (
+        f"| {name} | {len(rows)} | {len(right)} | {good} | {len(trusted) - good} "
+        f"| {verdicts.count('check')} | {verdicts.count('failed')} |"
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, help="write every trial here; a second run goes on where the first stopped")
+    parser.add_argument("--limit", type=int, default=10**9, help="stop after this many trials")
+    args = parser.parse_args()
+    if not SCENES.is_dir():
+        print(f"no scans at {SCENES}: nothing to measure", file=sys.stderr)
+        return 2
+    rows: list[dict[str, object]] = json.loads(args.out.read_text()) if args.out and args.out.exists() else []
+    done = {(r["scene"], r["spoiler"], r["start"], r["batch_seed"]) for r in rows}
+    renderers: dict[str, Renderer] = {}
+    for scene, spoiler, start, seed in plan():
+        if (scene, spoiler, start, seed) in done or len(rows) >= args.limit:
+            continue
+        if scene not in renderers:
+            renderers[scene] = Renderer(read_splats(SCENES / scene / "scene.ply"), RenderSettings(threads=1))
+        rows += [{**r, "batch_seed": seed} for r in run(scene, spoiler, start, seed, renderers[scene])]
+        if args.out:
+            args.out.write_text(json.dumps(rows, indent=1))
+        print(f"{len(rows)} trials", file=sys.stderr, flush=True)
+    print(table(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
