@@ -18,15 +18,18 @@ from .project import Splats
 from .tiles import TILE, TileLists
 
 Float32Array = NDArray[np.float32]
+IndexArray = NDArray[np.intp]
 
 PIXELS = TILE * TILE
-ROUND_PAIRS = 8192  # pairs per round: the weights of a round (2 MiB) stay near the core
-DEPTH_MIN, DEPTH_MAX = 8, 64
+ROUND_PAIRS = 8192  # pairs per round: its weights (2 MiB) stay near the core
+DEPTH_MIN, DEPTH_MAX = 8, 32
 GEMM_ROWS = 512  # OpenBLAS starts threads of its own only above M N K = 262144; 512 x 64 x 6 stays below
-EXPONENT_MIN = -60.0  # far under 1/255, and cv2.exp is slow where it underflows
+EXPONENT_MIN = -60.0  # far under 1/255; cv2.exp is slow where it underflows
 LOG_ALPHA_MAX = float(np.log(np.float32(c.ALPHA_MAX)))
 SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))  # cv2's test is "greater", ours "at least"
 CHANNELS = 6  # r, g, b, 1, z - z0, (z - z0)^2
+ROW = 16  # floats per table row: one cache line, so that a pair costs one miss
+MX, MY, L1, L2, L3, LOG_OPACITY, XX, XY, YY, Z, FEATURES = range(11)
 
 
 @dataclass(frozen=True)
@@ -37,21 +40,18 @@ class BandImage:
     z0: Float32Array
 
 
-class SplatTable:
-    """The columns that blending gathers, with one more, fully transparent Gaussian at the end as padding."""
-
-    def __init__(self, splats: Splats) -> None:
-        l1, l2, l3 = splats.l1, splats.l2, splats.l3
-        half = np.float32(-0.5)
-        shape = (splats.mx, splats.my, l1, l2, l3, splats.log_opacity, half * l1 * l1, -l1 * l2, half * (l2 * l2 + l3 * l3))
-        self.shape = [_padded(a) for a in shape]
-        self.shape[5][-1] = 2 * EXPONENT_MIN
-        self.features = [_padded(a) for a in (*splats.color, splats.z)]
-        self.pad = len(splats)
-
-
-def _padded(column: Float32Array) -> Float32Array:
-    return np.append(column, np.float32(0.0))
+def splat_table(splats: Splats) -> Float32Array:
+    """The columns that blending gathers, one row per Gaussian (M + 1, ROW); the last row is transparent padding."""
+    table = np.zeros((len(splats) + 1, ROW), np.float32)
+    body, half = table[:-1], np.float32(-0.5)
+    l1, l2, l3 = splats.l1, splats.l2, splats.l3
+    columns = (splats.mx, splats.my, l1, l2, l3, splats.log_opacity)
+    columns += (half * l1 * l1, -l1 * l2, half * (l2 * l2 + l3 * l3), splats.z, *splats.color)
+    for i, column in enumerate(columns):
+        body[:, i] = column
+    body[:, FEATURES + 3] = 1
+    table[-1, LOG_OPACITY] = 2 * EXPONENT_MIN
+    return table
 
 
 def pixel_basis() -> Float32Array:
@@ -60,77 +60,126 @@ def pixel_basis() -> Float32Array:
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
 
 
+class Scratch:
+    """Memory of one worker, kept between rounds and frames: fresh pages would cost more than the arithmetic."""
+
+    def __init__(self) -> None:
+        pairs = ROUND_PAIRS + GEMM_ROWS
+        self.rows = np.empty((pairs, ROW), np.float32)
+        self.columns = np.empty(ROW * pairs, np.float32)
+        self.coefficients = np.zeros((6, pairs), np.float32)
+        self.work = np.empty((4, pairs), np.float32)
+        self.weights = np.empty((pairs, PIXELS), np.float32)
+        self.basis = pixel_basis()
+
+
 def blend_band(
-    table: SplatTable,
+    table: Float32Array,
     lists: TileLists,
-    centre_x: Float32Array,
-    centre_y: Float32Array,
+    centres: Float32Array,
     inside: Float32Array,
+    scratch: Scratch,
     poll: Callable[[], None],
 ) -> BandImage:
-    """Composite a band. centre_x, centre_y (tiles,): tile centres; inside (tiles, PIXELS): 1 where the pixel exists, else 0."""
+    """Composite a band. centres (2, tiles): x, y of tile centres; inside (tiles, PIXELS): 1 where the pixel exists, else 0."""
     tiles = len(lists.count)
     image = BandImage(np.zeros((tiles, CHANNELS, PIXELS), np.float32), np.zeros(tiles, np.float32))
     live = np.flatnonzero(lists.count)
-    image.z0[live] = table.features[3][lists.splats[lists.start[live]]]
-    transmittance = inside[live]
-    done = 0
+    image.z0[live] = table[lists.splats[lists.start[live]], Z]
+    position, remaining = lists.start[live], lists.count[live]
+    centre, z0, transmittance = centres[:, live], image.z0[live], inside[live]
+    sums = np.zeros((len(live), CHANNELS, PIXELS), np.float32)
     while len(live):
         poll()
-        remaining = lists.count[live] - done
-        depth = int(np.clip(ROUND_PAIRS // len(live), DEPTH_MIN, min(DEPTH_MAX, remaining.max())))
-        position = lists.start[live] + done + np.arange(depth)[:, None]
-        exists = np.arange(depth)[:, None] < remaining
-        g = np.where(exists, lists.splats[np.where(exists, position, 0)], table.pad)
-        weights = _alpha(table, g, centre_x[live], centre_y[live])
+        depth = max(DEPTH_MIN, min(ROUND_PAIRS // len(live), DEPTH_MAX, int(remaining.max())))
+        g = _gather_index(lists.splats, position, remaining, depth, len(table) - 1)
+        rows = _coefficients(table, g, centre, z0, scratch)
+        weights = _alpha(g.shape, scratch)
         _composite(weights, transmittance)
-        image.sums[live] += np.matmul(_features(table, g, image.z0[live]), weights.transpose(1, 0, 2))
-        done += depth
-        stay = (remaining > depth) & (transmittance.max(axis=1) > 0)
-        live, transmittance = live[stay], transmittance[stay]
+        sums += np.matmul(rows.transpose(1, 2, 0)[:, FEATURES:, :], weights.transpose(1, 0, 2))
+        position += depth
+        remaining -= depth
+        stay = (remaining > 0) & (transmittance.max(axis=1) > 0)
+        if not stay.all():
+            image.sums[live[~stay]] = sums[~stay]
+            live, position, remaining, centre = live[stay], position[stay], remaining[stay], centre[:, stay]
+            z0, transmittance, sums = z0[stay], transmittance[stay], sums[stay]
     return image
 
 
-def _alpha(table: SplatTable, g: NDArray[np.integer], centre_x: Float32Array, centre_y: Float32Array) -> Float32Array:
-    """Alpha of every pair (depth, tiles) at every pixel of its tile, (depth, tiles, PIXELS); 0 where under 1/255."""
-    mx, my, l1, l2, l3, log_opacity, xx, xy, yy = (column[g] for column in table.shape)
-    mx -= centre_x
-    my -= centre_y
-    p, s = l1 * mx + l2 * my, l3 * my
+def _gather_index(
+    splats: NDArray[np.int32], position: IndexArray, remaining: IndexArray, depth: int, pad: int
+) -> NDArray[np.int32]:
+    """Table rows of the next `depth` Gaussians of every live tile, (depth, tiles)."""
+    level = np.arange(depth)[:, None]
+    g = splats.take(position + level, mode="clip")
+    if remaining.min() < depth:
+        g[level >= remaining] = pad
+    return g
+
+
+def _coefficients(
+    table: Float32Array, g: NDArray[np.int32], centre: Float32Array, z0: Float32Array, scratch: Scratch
+) -> Float32Array:
+    """Fills the exponents' coefficients of the pairs g (depth, tiles); returns their table rows with relative depths."""
     pairs = g.size
-    coefficients = np.zeros((-(-pairs // GEMM_ROWS) * GEMM_ROWS, 6), np.float32)
-    for i, column in enumerate((log_opacity - np.float32(0.5) * (p * p + s * s), p * l1, p * l2 + s * l3, xx, xy, yy)):
-        coefficients[:pairs, i] = column.ravel()
-    exponent = np.matmul(coefficients.reshape(-1, GEMM_ROWS, 6), pixel_basis()).reshape(1, -1)
-    np.clip(exponent, np.float32(EXPONENT_MIN), np.float32(LOG_ALPHA_MAX), out=exponent)
-    cv2.exp(exponent, exponent)
-    cv2.threshold(exponent, SKIP, 0, cv2.THRESH_TOZERO, exponent)
-    return exponent[0, : pairs * PIXELS].reshape(*g.shape, PIXELS)
+    rows = scratch.rows[:pairs]
+    table.take(g.ravel(), axis=0, out=rows, mode="clip")
+    columns = scratch.columns[: ROW * pairs].reshape(ROW, pairs)
+    cv2.transpose(rows, columns)
+    grid = columns.reshape(ROW, *g.shape)
+    grid[MX] -= centre[0]
+    grid[MY] -= centre[1]
+    grid[Z] -= z0
+    rows[:, FEATURES + 4] = columns[Z]
+    np.square(columns[Z], out=rows[:, FEATURES + 5])
+    mx, my, l1, l2, l3 = columns[:5]
+    out = scratch.coefficients[:, :pairs]
+    p, s, t, u = scratch.work[:, :pairs]
+    np.multiply(l1, mx, out=p)
+    np.multiply(l2, my, out=t)
+    p += t
+    np.multiply(l3, my, out=s)
+    np.multiply(p, l1, out=out[1])
+    np.multiply(p, l2, out=out[2])
+    np.multiply(s, l3, out=t)
+    out[2] += t
+    np.square(p, out=p)
+    np.square(s, out=s)
+    p += s
+    p *= np.float32(-0.5)
+    np.add(p, columns[LOG_OPACITY], out=out[0])
+    out[3:] = columns[XX : YY + 1]
+    return rows.reshape(*g.shape, ROW)
+
+
+def _alpha(shape: tuple[int, ...], scratch: Scratch) -> Float32Array:
+    """Alpha of every pair at every pixel of its tile, (depth, tiles, PIXELS); 0 where under 1/255."""
+    pairs = shape[0] * shape[1]
+    padded = -(-pairs // GEMM_ROWS) * GEMM_ROWS
+    blocks = scratch.coefficients[:, :padded].reshape(6, -1, GEMM_ROWS).transpose(1, 2, 0)
+    np.matmul(blocks, scratch.basis, out=scratch.weights[:padded].reshape(-1, GEMM_ROWS, PIXELS))
+    # one row: OpenCV splits work between its own threads by rows
+    flat = scratch.weights[:pairs].reshape(1, -1)
+    np.clip(flat, np.float32(EXPONENT_MIN), np.float32(LOG_ALPHA_MAX), out=flat)
+    cv2.exp(flat, flat)
+    cv2.threshold(flat, SKIP, 0, cv2.THRESH_TOZERO, flat)
+    return flat.reshape(*shape, PIXELS)
 
 
 def _composite(weights: Float32Array, transmittance: Float32Array) -> None:
     """Alphas (depth, tiles, PIXELS) to blending weights, in place; pixels that end get transmittance 0."""
-    before = transmittance.copy()
+    before = transmittance > 0
+    row = transmittance.reshape(1, -1)
     for level in weights:
         np.multiply(level, transmittance, out=level)
         np.subtract(transmittance, level, out=transmittance)
-    ended = np.flatnonzero((transmittance < np.float32(c.TRANSMITTANCE_MIN)) & (before > 0))
+        cv2.threshold(row, c.TRANSMITTANCE_MIN, 0, cv2.THRESH_TOZERO, row)
+    before &= transmittance == 0
+    ended = np.flatnonzero(before)
     if len(ended):
+        # the Gaussian that would have taken a pixel below the limit is the last that it saw; it must not count
         flat = weights.reshape(len(weights), -1)
-        w = flat[:, ended]
-        after = before.ravel()[ended] - np.matmul(np.tri(len(w), dtype=np.float32), w)
-        w *= after >= np.float32(c.TRANSMITTANCE_MIN)
-        flat[:, ended] = w
-        transmittance.ravel()[ended] = 0
-
-
-def _features(table: SplatTable, g: NDArray[np.integer], z0: Float32Array) -> Float32Array:
-    """(tiles, CHANNELS, depth) factors of the weights."""
-    out = np.empty((CHANNELS, g.shape[1], g.shape[0]), np.float32)
-    gt = g.T
-    for i in range(3):
-        out[i] = table.features[i][gt]
-    out[3] = 1
-    np.subtract(table.features[3][gt], z0[:, None], out=out[4])
-    np.multiply(out[4], out[4], out=out[5])
-    return out.transpose(1, 0, 2)
+        seen = flat.take(ended, axis=1) > 0
+        last = len(flat) - 1 - seen[::-1].argmax(axis=0)
+        flat[last, ended] = 0

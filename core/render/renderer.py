@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..camera import Intrinsics, Pose
 from ..errors import Cancelled
 from ..splats.scene import GaussianScene
-from .blend import BandImage, SplatTable, blend_band
+from .blend import BandImage, Scratch, blend_band, splat_table
 from .project import Splats, View, project_chunk, sort_by_depth
 from .tables import CHUNK, build_tables
 from .tiles import TILE, bin_band
@@ -33,6 +33,7 @@ class Renderer:
     def __init__(self, scene: GaussianScene, settings: RenderSettings | None = None) -> None:
         self.settings = settings or RenderSettings()
         self._tables = build_tables(scene)
+        self._scratches: list[Scratch] = []
 
     def render(self, intrinsics: Intrinsics, pose: Pose, should_stop: Callable[[], bool] = _never) -> RenderedView:
         """Render as a pinhole (distortion ignored). `should_stop` is polled often; when it says True, raises Cancelled."""
@@ -51,10 +52,10 @@ class Renderer:
         with ThreadPoolExecutor(threads) as pool:
             run = pool.map if threads > 1 else map
             parts = [p for p in run(project, range(0, len(self._tables), CHUNK)) if p is not None]
-            target = _Target(intrinsics)
+            target = _Target(intrinsics, self._scratches)
             if parts:
                 splats = sort_by_depth(parts)
-                table = SplatTable(splats)
+                table = splat_table(splats)
                 rows = max(1, BAND_TILES // target.columns)
                 list(run(lambda r: target.draw(splats, table, r, r + rows, poll), range(0, target.rows, rows)))
         return target.view()
@@ -70,14 +71,15 @@ class Renderer:
 class _Target:
     """The image in the making, padded to whole tiles."""
 
-    def __init__(self, k: Intrinsics) -> None:
+    def __init__(self, k: Intrinsics, scratches: list[Scratch]) -> None:
+        self.scratches = scratches
         self.k = k
         self.columns, self.rows = -(-k.width // TILE), -(-k.height // TILE)
         shape = (k.height, k.width)
         self.color = np.zeros((*shape, 3), np.float32)
         self.depth, self.alpha, self.variance = (np.zeros(shape, np.float32) for _ in range(3))
 
-    def draw(self, splats: Splats, table: SplatTable, begin: int, end: int, poll: Callable[[], None]) -> None:
+    def draw(self, splats: Splats, table: Float32Array, begin: int, end: int, poll: Callable[[], None]) -> None:
         poll()
         end = min(end, self.rows)
         lists = bin_band(splats, self.columns, begin, end)
@@ -87,8 +89,10 @@ class _Target:
         inside = (corner_y[:, None] + offset < self.k.height)[:, :, None] & (corner_x[:, None] + offset < self.k.width)[
             :, None, :
         ]
-        centre_x, centre_y = (a.astype(np.float32) + np.float32(TILE / 2) for a in (corner_x, corner_y))
-        band = blend_band(table, lists, centre_x, centre_y, inside.reshape(len(row), -1).astype(np.float32), poll)
+        centres = np.stack([corner_x, corner_y]).astype(np.float32) + np.float32(TILE / 2)
+        scratch = self.scratches.pop() if self.scratches else Scratch()
+        band = blend_band(table, lists, centres, inside.reshape(len(row), -1).astype(np.float32), scratch, poll)
+        self.scratches.append(scratch)
         self._store(band, begin, end)
 
     def _store(self, band: BandImage, begin: int, end: int) -> None:

@@ -55,13 +55,13 @@ def _span(splats: Splats, g: Int32Array, row: Int32Array, columns: int) -> tuple
     top = row.astype(np.float32) * np.float32(TILE) + np.float32(0.5) - my
     bottom = top + np.float32(TILE - 1)
     skew, l3, cut = splats.skew[g], splats.l3[g], splats.cut[g]
-    inverse, mx = 1 / splats.l1[g], splats.mx[g] - np.float32(0.5)
+    inverse, mx = np.float32(1) / splats.l1[g], splats.mx[g] - np.float32(0.5)
 
     def edge(dy: Float32Array, sign: int) -> Float32Array:
         # q = (l1 dx + l2 dy)^2 + (l3 dy)^2 <= cut at this dy; the ellipse is convex, so its extreme over the row is here
-        half = np.sqrt(np.maximum(cut - np.square(l3 * dy), 0)) * inverse
+        half = np.sqrt(np.maximum(cut - np.square(l3 * dy), np.float32(0))) * inverse
         return np.asarray(np.floor((mx - skew * dy + sign * half) * np.float32(1 / TILE)))
 
     begin = np.clip(edge(np.clip(-tilt, top, bottom), -1), 0, columns).astype(np.int32)
     end = np.clip(edge(np.clip(tilt, top, bottom), 1), -1, columns - 1).astype(np.int32)
-    return begin, np.maximum(end - begin + 1, 0)
+    return begin, np.asarray(np.maximum(end - begin + np.int32(1), np.int32(0)))
