@@ -9,7 +9,7 @@ import bpy
 from . import jobs, photo_image, properties, splat_object
 
 CATEGORY = "GS-SMC"
-PIXELS_PER_CHARACTER = 7.0
+PIXELS_PER_CHARACTER = 6.4
 
 
 class _Sidebar:
@@ -51,6 +51,7 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
     column.operator("gssmc.add_photo", icon="IMAGE_DATA")
     if camera and photo_image.camera_photo(camera):
         column.separator()
+        column.label(text="Camera")
         column.prop(context.scene, "camera", text="")
         column.prop(camera.data, "lens")
         view = context.space_data
@@ -77,9 +78,9 @@ def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera:
         box.label(text=title, icon=properties.VERDICT_ICONS[note.verdict])
         for reason in note.reasons.splitlines():
             draw_text(box, context, reason)
-    message = context.window_manager.gssmc.message
-    if message:
-        draw_text(layout.box(), context, message, icon="INFO")
+    last = context.window_manager.gssmc
+    if last.message:
+        draw_text(layout.box(), context, last.message, icon=last.message_icon)
 
 
 def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -11,7 +12,7 @@ from ..core.camera import Camera
 from ..core.camera_files import read_cameras
 from ..core.conventions import BlenderLens
 from ..core.errors import CameraError
-from ..core.photo import Photo
+from ..core.photo import Photo, check_size
 from . import camera_bridge, photo_image
 
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
@@ -20,7 +21,7 @@ PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the 
 def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
     """The camera of the file that names this photo, or its only one.
 
-    Raises CameraError when none fits the photo, or when there is no splat that its pose could be placed in.
+    Raises CameraError when none names the photo or no splat can carry the pose, PhotoError when the shapes differ.
     """
     if not scene.gssmc.splat:
         raise CameraError("The camera file's pose needs a splat to stand in; import the splat first.")
@@ -32,11 +33,7 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
         named = cameras
     if not named:
         raise CameraError(f'The camera file "{Path(path).name}" has no camera for "{name}"; add one whose "file" is that name.')
-    size = named[0].intrinsics.width, named[0].intrinsics.height
-    if size != (photo.width, photo.height):
-        found = f"{photo.width} x {photo.height}"
-        raise CameraError(f'The camera file says "{name}" has {size[0]} x {size[1]} pixels, but it has {found}; correct one.')
-    return named[0]
+    return replace(named[0], intrinsics=check_size(photo, named[0].intrinsics))
 
 
 def choose_camera(context: bpy.types.Context, mode: str, photo_name: str) -> bpy.types.Object:

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import PhotoError
+from ..core.exif import read_exif
 from ..core.photo import Photo, read_photo
 
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
@@ -46,16 +47,12 @@ def photo_source(image: bpy.types.Image) -> PhotoSource:
 def load_image(path: str, photo: Photo) -> bpy.types.Image:
     """The Blender image of a photo, upright. `photo` is what the engine read from `path`."""
     image = bpy.data.images.load(path, check_existing=True)
-    if not _shows_upright(image, photo):
+    turned = read_exif(Path(path).read_bytes()).orientation != 1
+    if turned or tuple(image.size) != (photo.width, photo.height):  # Blender ignores EXIF rotation; the engine does not
         if image.users == 0:
             bpy.data.images.remove(image)
         image = _packed_copy(Path(path).name, photo)
     return image
-
-
-def _shows_upright(image: bpy.types.Image, photo: Photo) -> bool:
-    """Blender ignores EXIF rotation; the engine does not."""
-    return tuple(image.size) == (photo.width, photo.height) and not any("rotat" in note.lower() for note in photo.notes)
 
 
 def _packed_copy(name: str, photo: Photo) -> bpy.types.Image:

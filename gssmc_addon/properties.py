@@ -116,7 +116,10 @@ class GssmcCamera(bpy.types.PropertyGroup):
 class GssmcWindow(bpy.types.PropertyGroup):
     """On the window manager, hence never saved: the last message of an operator, and panel state."""
 
-    __annotations__ = {"message": StringProperty(name="Message", description="What the last operation said")}
+    __annotations__ = {
+        "message": StringProperty(name="Message", description="What the last operation said"),
+        "message_icon": StringProperty(name="Icon", default="INFO"),
+    }
 
 
 classes = (GssmcScene, GssmcCamera, GssmcWindow)

@@ -40,7 +40,7 @@ class GSSMC_OT_refine(bpy.types.Operator):
             job = self._gather(context)
         except GssmcError as error:
             return self._refuse(context, str(error))
-        context.window_manager.gssmc.message = ""
+        self._note(context, "")
         jobs.begin(context, job)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -82,14 +82,18 @@ class GSSMC_OT_refine(bpy.types.Operator):
 
     def _apply(self, context, job, report):
         message = jobs.apply_report(job.targets, report)
-        context.window_manager.gssmc.message = message
+        self._note(context, "")  # the verdict on the camera says it all
         self.report({"WARNING" if report.verdict != "trusted" else "INFO"}, message)
         return {"CANCELLED" if report.verdict == "failed" else "FINISHED"}
 
     def _refuse(self, context, message, level="ERROR"):
-        context.window_manager.gssmc.message = message
+        self._note(context, message, level)
         self.report({level}, message)
         return {"CANCELLED"}
+
+    def _note(self, context, message, icon="INFO"):
+        context.window_manager.gssmc.message = message
+        context.window_manager.gssmc.message_icon = icon
 
 
 classes = (GSSMC_OT_refine,)

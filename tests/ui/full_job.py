@@ -4,6 +4,8 @@ Not part of pytest: it runs inside a windowed Blender under a driver that gives 
 for the seconds that steps() yields. Beside this file: scene.ply, photo.jpg, cameras.json (the photo's start camera).
 """
 
+# ruff: noqa: F821 - the driver provides view3d, sidebar, press and shot
+
 import os
 import sys
 import time
