@@ -56,14 +56,19 @@ class Query:
 
 @dataclass(frozen=True)
 class Observation:
-    """One rendered view and its matches with the photo. `grey` (H, W) uint8 is the render, `opaque` its share of solid pixels,
-    `median_depth` over them (NaN when there are none), scene units.
+    """One rendered view and its matches with the photo. `grey` (H, W) uint8 is the render, `solid` (H, W) where it is opaque,
+    `median_depth` over that (NaN when there is none), scene units.
     """
 
     matches: ViewMatches
     grey: NDArray[np.uint8]
-    opaque: float
+    solid: BoolArray
     median_depth: float
+
+    @property
+    def opaque(self) -> float:
+        """Share of solid pixels, 0..1."""
+        return float(self.solid.mean())
 
     @property
     def pose(self) -> Pose:
@@ -123,7 +128,7 @@ def observe(renderer: ViewRenderer, query: Query, pose: Pose, reference: bool, f
         reference,
     )
     median = float(np.median(view.depth[solid])) if solid.any() else float("nan")
-    return Observation(matches, grey, float(solid.mean()), median)
+    return Observation(matches, grey, np.asarray(solid), median)
 
 
 def _distinct(pairs: NDArray[np.intp], a: FloatArray, b: FloatArray) -> NDArray[np.intp]:

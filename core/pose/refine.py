@@ -21,7 +21,7 @@ from .report import IterationRecord, PoseQuality, RefineProgress, RefineReport, 
 from .settings import RefineSettings
 from .solve import coarse_pose, fine_matches, fine_pose, keep_distance, usable_views
 from .verdict import assess, judge
-from .verify import view_at
+from .verify import compare, view_at
 
 log = logging.getLogger(__name__)
 
@@ -29,6 +29,8 @@ Progress = Generator[RefineProgress, None, "RefineReport"]
 
 MIN_PHOTO_FEATURES = 30
 MIN_OPAQUE = 0.02  # a reference view with less of the scan in it looks away from it
+LOOKS_AWAY = "The start camera sees almost nothing of the splat; turn it towards the scene and refine again."
+WORSE_AGREEMENT = 0.05  # share of corners by which a refined camera may fit worse than its start before the start is kept
 WIDEN = 2.0
 MAX_SPREAD = 0.3  # of the median depth; beyond, the candidates leave the place
 MAX_SPREAD_DEG = 8.0
@@ -42,6 +44,17 @@ class Answer:
     fit: EpipolarFit
     views: tuple[ViewMatches, ...]
     median_depth: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the iterations came to: an answer, or one sentence that says what was missing. `start_agreement` is the share of
+    the photo's corners that already sat on the render at the start.
+    """
+
+    answer: Answer | None
+    problem: str
+    start_agreement: float
 
 
 @dataclass(frozen=True)
@@ -90,15 +103,21 @@ def iterate_refinement(renderer: ViewRenderer, photo: Photo, camera: Camera, set
     if len(query.features) < MIN_PHOTO_FEATURES:
         reason = f"The photo shows only {len(query.features)} features; it is too dark, blurred or plain to be placed."
         return _report(camera, None, "failed", (reason,), records, began)
-    work = _Loop(renderer, query, settings, frontend)
-    answer, problem = yield from work.run(camera.pose, records)
+    outcome = yield from _Loop(renderer, query, settings, frontend).run(camera.pose, records)
+    answer = outcome.answer
     if answer is None:
-        return _report(camera, None, "failed", (problem,), records, began)
+        return _report(camera, None, "failed", (outcome.problem,), records, began)
     yield RefineProgress(len(records), settings.iterations, "checking the answer", 0.97)
     seen = view_at(renderer, query, answer.fit.pose)
     quality = assess(answer.fit, answer.views, seen, query.pinhole, answer.median_depth)
     verdict, reasons = judge(quality)
-    refined = camera if verdict == "failed" else replace(camera, pose=answer.fit.pose)
+    before = outcome.start_agreement
+    if verdict != "failed" and before > seen.agreement + WORSE_AGREEMENT:
+        kept = (
+            f"The start camera fits the photo better ({100 * before:.0f} % of the corners against {100 * seen.agreement:.0f} %)"
+        )
+        return _report(camera, None, "check", (kept + " and was kept.",), records, began, quality)
+    refined = None if verdict == "failed" else replace(camera, pose=answer.fit.pose)
     return _report(camera, refined, verdict, reasons, records, began, quality)
 
 
@@ -125,15 +144,17 @@ class _Loop:
     settings: RefineSettings
     frontend: Frontend
 
-    def run(self, start: Pose, records: list[IterationRecord]) -> Generator[RefineProgress, None, tuple[Answer | None, str]]:
-        """Iterates from `start`; returns the best answer, or None and one sentence that says what was missing."""
+    def run(self, start: Pose, records: list[IterationRecord]) -> Generator[RefineProgress, None, Outcome]:
+        """Iterates from `start` and returns the best answer."""
         settings, rng = self.settings, np.random.default_rng(self.settings.seed)
         fan = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
-        pose, best, problem = start, None, ""
+        pose, best, problem, agreement = start, None, "", 0.0
         for index in range(settings.iterations):
             observations = yield from self._observe(pose, fan, index, rng)
             if not observations:
-                return best, "The start camera sees almost nothing of the splat; turn it towards the scene and refine again."
+                return Outcome(best, LOOKS_AWAY, agreement)
+            if index == 0:
+                agreement = compare(self.query, observations[0].grey, observations[0].solid).agreement
             found, record = self._solve(observations, pose, index)
             records.append(record)
             yield RefineProgress(
@@ -149,7 +170,7 @@ class _Loop:
             if settings.multiview and _inside_fan(found, moved_from, fan):
                 break
             fan = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
-        return best, problem
+        return Outcome(best, problem, agreement)
 
     def _observe(
         self, pose: Pose, fan: Fan, index: int, rng: np.random.Generator

@@ -43,8 +43,12 @@ class FinalView:
 def view_at(renderer: ViewRenderer, query: Query, pose: Pose) -> FinalView:
     """Renders the splat at `pose` and measures how it agrees with the photo."""
     view = renderer.render(query.pinhole, pose)
-    solid = np.asarray(view.alpha >= MIN_ALPHA)
-    render = normalise_locally(grey_of(view))
+    return compare(query, grey_of(view), np.asarray(view.alpha >= MIN_ALPHA))
+
+
+def compare(query: Query, grey: NDArray[np.uint8], solid: NDArray[np.bool_]) -> FinalView:
+    """How a render, `grey` and `solid` (H, W), agrees with the photo pixel by pixel."""
+    render = normalise_locally(grey)
     inner = np.asarray(cv2.erode(solid.astype(np.uint8), np.ones((9, 9), np.uint8), borderValue=0), np.uint8)
     corners = _corners(query, inner)
     if len(corners) == 0:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from boxroom import BoxRoom
 
+import core.pose.refine as refine_module
 from core.camera import Camera, Intrinsics, Pose, pose_error
 from core.errors import RefineError
 from core.lie import so3_exp
@@ -140,3 +141,25 @@ def test_an_exception_from_the_progress_callback_comes_through(room, photo):
 def test_options_out_of_range_are_refused(bad):
     with pytest.raises(RefineError, match=next(iter(bad))):
         RefineSettings(**bad)
+
+
+def test_a_start_that_is_right_stays_right(room, photo):
+    report = refine(room, photo, Camera(LENS, TRUTH))
+    distance, degrees = pose_error(report.camera.pose, TRUTH)
+    assert report.verdict == "trusted" and distance < 0.001 * DEPTH and degrees < 0.06
+
+
+def test_a_worse_answer_than_the_start_is_not_handed_back(room, photo, monkeypatch):
+    """Whatever the stages come to, the start that fits the photo better is kept, and the report says so."""
+    fit = refine_module.fine_pose
+
+    def spoilt(pose, views, K):
+        good = fit(pose, views, K)
+        return replace(good, pose=Pose.from_centre(good.pose.R, good.pose.centre + 0.03 * DEPTH))
+
+    monkeypatch.setattr(refine_module, "fine_pose", spoilt)
+    start = Camera(LENS, TRUTH)
+    report = refine(room, photo, start, RefineSettings(iterations=1))
+    assert report.camera is start and report.verdict in ("check", "failed")
+    if report.verdict == "check":
+        assert "kept" in report.reasons[0]
