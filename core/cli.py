@@ -1,0 +1,69 @@
+"""The command line, the same under `python -m core` and inside Blender.
+
+Exit code 0, 2 for bad input, 3 when a refinement ended in "failed", 130 when it was interrupted; errors are one sentence on
+stderr.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+
+from .commands import batch, demo, refine, render
+from .commands.flags import OneLineParser, UsageError
+from .commands.outcome import BAD_INPUT, INTERRUPTED, Outcome
+from .errors import GssmcError
+
+COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo}
+
+
+def build_parser(
+    prog: str = "python -m core", add_options: Callable[[argparse.ArgumentParser], None] | None = None
+) -> argparse.ArgumentParser:
+    """The parser with all subcommands; `add_options` may add to each of them. Wrong usage raises UsageError."""
+    parser = OneLineParser(prog=prog, description="Finds the exact camera of a photo inside a 3D Gaussian Splatting scan.")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for module in COMMANDS.values():
+        sub = module.add_parser(commands)
+        if add_options is not None:
+            add_options(sub)
+    return parser
+
+
+def main(
+    argv: Sequence[str] | None = None,
+    *,
+    prog: str = "python -m core",
+    add_options: Callable[[argparse.ArgumentParser], None] | None = None,
+    on_outcome: Callable[[argparse.Namespace, Outcome], None] | None = None,
+) -> int:
+    """Run one command and return its exit code.
+
+    `add_options` is called with each subcommand's parser before parsing; `on_outcome` with the parsed arguments and the
+    outcome after a command that ran to its end, also when a verdict was "failed". Errors it raises are treated as the
+    command's own.
+    """
+    try:
+        args = build_parser(prog, add_options).parse_args(argv)
+        outcome: Outcome = COMMANDS[args.command].run(args)
+        if on_outcome is not None:
+            on_outcome(args, outcome)
+        return outcome.exit_code
+    except SystemExit as end:  # --help
+        return int(end.code or 0)
+    except (GssmcError, UsageError) as error:
+        return _complain(str(error))
+    except OSError as error:
+        where = f" '{error.filename}'" if error.filename else ""
+        return _complain(
+            f"The file{where} cannot be used ({error.strerror or error}); check the path, its permissions and the disk."
+        )
+    except KeyboardInterrupt:
+        print("Interrupted; what was finished is saved.", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _complain(sentence: str) -> int:
+    print(" ".join(sentence.split()), file=sys.stderr)
+    return BAD_INPUT

@@ -1,0 +1,95 @@
+"""`batch SCENE QUERIES.json --out RESULTS.json`: every photo of a list, over several processes, safe against interruption."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+
+from ..camera import Camera
+from ..camera_files import camera_from_dict, camera_to_dict, read_cameras
+from ..errors import SplatFormatError
+from ..pose.settings import RefineSettings
+from ..results import error_to_dict
+from ..splats import check_splat_file
+from .flags import UsageError, add_settings_flags, settings_from
+from .outcome import FAILED_VERDICT, OK, Outcome
+from .pool import Pool
+from .progress import ProgressBar
+from .store import ResultStore, job_key
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    parser = commands.add_parser("batch", help="refine many photos; a second run goes on where the first one stopped")
+    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("queries", type=Path, help='camera JSON: each camera is the start of its "file", relative to this JSON')
+    parser.add_argument("--out", type=Path, required=True, metavar="RESULTS.json", help="results, in the order of the queries")
+    workers = os.cpu_count() or 1
+    parser.add_argument("--workers", type=int, default=workers, metavar="N", help=f"processes, each holds the scan ({workers})")
+    add_settings_flags(parser, skip=("threads",))
+    return parser
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    cameras = read_cameras(args.queries)
+    photos = _photo_files(cameras, args.queries)
+    settings = settings_from(args)
+    if args.workers < 1:
+        raise UsageError(f"--workers is {args.workers}; give at least 1.")
+    if args.out.exists() and args.out.samefile(args.queries):
+        raise UsageError("--out is the queries file itself; give another file for the results.")
+    check_splat_file(args.scene)
+    store = ResultStore(args.out, _keys(args.scene, cameras, photos, settings))
+    resumed = store.resume()
+    if resumed:
+        print(f"{resumed} of {len(cameras)} photos were finished before and are kept.", file=sys.stderr)
+    store.save()  # a place that cannot be written to should be known before hours of work
+    _work(args, cameras, photos, settings, store)
+    verdicts = Counter(record["verdict"] for record in store.records.values())
+    print(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
+    results = tuple(camera_from_dict(store.records[i]) for i in range(len(cameras)))
+    return Outcome(FAILED_VERDICT if verdicts["failed"] else OK, args.scene, results, tuple(photos))
+
+
+def _work(
+    args: argparse.Namespace, cameras: list[Camera], photos: list[Path], settings: RefineSettings, store: ResultStore
+) -> None:
+    jobs = [
+        (i, {"camera": camera_to_dict(c), "photo": str(p)})
+        for i, (c, p) in enumerate(zip(cameras, photos, strict=True))
+        if i not in store.records
+    ]
+    first = {"scene": str(args.scene.resolve()), "settings": {**asdict(settings), "threads": 1}}
+    dropped: list[int] = []
+    lost = lambda i, words: error_to_dict(cameras[i], f"The worker process ended on this photo ({words}).")  # noqa: E731
+    with Pool(first, args.workers) as pool, ProgressBar("Refining") as bar:
+        if jobs:
+            bar.show(len(store.records) / len(cameras), f"{len(store.records)} of {len(cameras)}")
+        for index, record in pool.run(jobs, lost, dropped.append):
+            store.put(index, record)
+            counts = Counter(r["verdict"] for r in store.records.values())
+            text = f"{len(store.records)} of {len(cameras)}, {counts['failed']} failed"
+            bar.show(len(store.records) / len(cameras), text)
+    if any(dropped):
+        print(f"Left out {max(dropped)} Gaussians of the scan whose values are NaN or infinite.", file=sys.stderr)
+
+
+def _photo_files(cameras: list[Camera], queries: Path) -> list[Path]:
+    """Each camera's photo. Raises UsageError when one names none."""
+    for number, camera in enumerate(cameras, 1):
+        if not camera.file:
+            raise UsageError(f"Camera {number} of '{queries.name}' names no photo; give it a \"file\".")
+    return [(queries.resolve().parent / camera.file) for camera in cameras]
+
+
+def _keys(scene: Path, cameras: list[Camera], photos: list[Path], settings: RefineSettings) -> list[str]:
+    """Per query, what its answer depends on. Two equal queries share a key, and then an answer."""
+    options = {name: value for name, value in asdict(settings).items() if name != "threads"}
+    try:
+        size = scene.stat().st_size
+    except OSError as error:
+        raise SplatFormatError(f"The splat file '{scene}' cannot be read ({error.strerror}); check the path.") from error
+    return [job_key(scene.name, size, options, camera_to_dict(c), str(p)) for c, p in zip(cameras, photos, strict=True)]

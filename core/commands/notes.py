@@ -1,0 +1,14 @@
+"""Things worth saying on stderr that are no errors."""
+
+from __future__ import annotations
+
+import sys
+
+from ..splats import GaussianScene
+
+
+def say_dropped(scene: GaussianScene) -> None:
+    """Tell how many Gaussians of the file were left out, when any were."""
+    if scene.dropped:
+        total = scene.dropped + len(scene)
+        print(f"Left out {scene.dropped} of {total} Gaussians whose values are NaN or infinite.", file=sys.stderr)

@@ -1,0 +1,26 @@
+"""What a subcommand hands back to whoever called it, so that a caller (such as Blender) can go on with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..camera import Camera
+from ..pose.report import RefineReport
+
+OK, BAD_INPUT, FAILED_VERDICT, INTERRUPTED = 0, 2, 3, 130
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of a subcommand.
+
+    scene: the splat file; cameras: the cameras drawn, or refined, in the order of the input; photos: their photo files, as
+    many as cameras, or none for `render`; reports: of this run's single refinement, when there was one.
+    """
+
+    exit_code: int
+    scene: Path
+    cameras: tuple[Camera, ...] = ()
+    photos: tuple[Path, ...] = ()
+    reports: tuple[RefineReport, ...] = ()

@@ -1,0 +1,76 @@
+"""`refine SCENE PHOTO --camera CAM.json`: the exact camera of one photo."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from ..atomic import atomic_write
+from ..camera import Camera
+from ..camera_files import read_cameras
+from ..errors import CameraError
+from ..photo import read_photo
+from ..pose.report import RefineReport
+from ..render import Renderer, RenderSettings
+from ..results import report_to_dict
+from ..splats import read_splats
+from .flags import add_settings_flags, settings_from
+from .notes import say_dropped
+from .outcome import FAILED_VERDICT, OK, Outcome
+from .progress import ProgressBar
+from .refine_one import refine_photo
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    parser = commands.add_parser("refine", help="find the exact camera of one photo from a rough start")
+    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
+    parser.add_argument("--camera", type=Path, required=True, metavar="CAM.json", help="the start: lens and rough pose")
+    parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
+    add_settings_flags(parser)
+    return parser
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    settings = settings_from(args)
+    photo = read_photo(args.photo)
+    for note in photo.notes:
+        print(note, file=sys.stderr)
+    camera = replace(pick_camera(args.camera, args.photo), file=str(args.photo))
+    scene = read_splats(args.scene)
+    say_dropped(scene)
+    renderer = Renderer(scene, RenderSettings(threads=1))  # the refinement draws its views side by side
+    with ProgressBar("Refining") as bar:
+        report = refine_photo(renderer, photo, camera, settings, lambda p: bar.show(p.fraction, p.step))
+        bar.show(1.0, report.verdict)
+    text = json.dumps(report_to_dict(report), indent=1)
+    if args.out is None:
+        print(text)
+    else:
+        with atomic_write(args.out) as file:
+            file.write(text + "\n")
+        print(summary(report))
+    code = FAILED_VERDICT if report.verdict == "failed" else OK
+    return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,))
+
+
+def summary(report: RefineReport) -> str:
+    """One line for people."""
+    return f"{report.verdict} after {len(report.iterations)} iterations, {report.seconds:.1f} s. {' '.join(report.reasons)}"
+
+
+def pick_camera(file: Path, photo: Path) -> Camera:
+    """The file's only camera, or the one that names the photo. Raises CameraError when that is nobody, or several."""
+    cameras = read_cameras(file)
+    if len(cameras) == 1:
+        return cameras[0]
+    named = [c for c in cameras if Path(c.file).name == photo.name]
+    if len(named) != 1:
+        raise CameraError(
+            f"'{file.name}' holds {len(cameras)} cameras, {len(named)} of them for '{photo.name}'; "
+            'give one camera, or one whose "file" names the photo.'
+        )
+    return named[0]

@@ -1,0 +1,28 @@
+"""One photo refined from files: shared by `refine`, `demo` and the workers of `batch`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from ..camera import Camera
+from ..photo import Photo, check_size, read_photo
+from ..pose.refine import refine
+from ..pose.report import RefineProgress, RefineReport
+from ..pose.settings import RefineSettings
+from ..render import Renderer
+
+
+def refine_photo(
+    renderer: Renderer,
+    photo: Photo | Path,
+    camera: Camera,
+    settings: RefineSettings,
+    on_progress: Callable[[RefineProgress], None] | None = None,
+) -> RefineReport:
+    """Read the photo, fit the camera to its size, refine. Raises the GssmcError of whatever cannot be used."""
+    if isinstance(photo, Path):
+        photo = read_photo(photo)
+    fitted = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
+    return refine(renderer, photo, fitted, settings, on_progress)

@@ -1,0 +1,90 @@
+"""`render SCENE CAMERAS.json OUTDIR`: draw the splat from every camera of a file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..atomic import atomic_write
+from ..camera import Camera
+from ..camera_files import read_cameras
+from ..render import RenderedView, Renderer, RenderSettings
+from ..splats import read_splats
+from .notes import say_dropped
+from .outcome import OK, Outcome
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    parser = commands.add_parser("render", help="draw the splat from every camera of a file, as a pinhole (no lens distortion)")
+    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("cameras", type=Path, help='camera JSON: one camera, or a list under "frames"')
+    parser.add_argument("outdir", type=Path, help="folder for the pictures, made where it is missing")
+    parser.add_argument("--npz", action="store_true", help="write float arrays color, depth, alpha beside each picture")
+    parser.add_argument(
+        "--repeat", type=int, default=0, metavar="N", help="draw N times, print the median ms per frame as JSON"
+    )
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="CPU threads, 0 = all cores (0)")
+    parser.add_argument("--near", type=float, default=RenderSettings.near, metavar="D", help="near plane in scene units (0.2)")
+    return parser
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    cameras = read_cameras(args.cameras)
+    scene = read_splats(args.scene)
+    say_dropped(scene)
+    renderer = Renderer(scene, RenderSettings(near=args.near, threads=max(0, args.threads)))
+    args.outdir.mkdir(parents=True, exist_ok=True)
+    milliseconds: list[float] = []
+    for camera, name in zip(cameras, output_names(cameras, args.cameras.stem), strict=True):
+        view = renderer.render(camera.intrinsics, camera.pose)
+        write_view(args.outdir / name, view, args.npz)
+        milliseconds += _time(renderer, camera, args.repeat)
+    if milliseconds:
+        median = round(statistics.median(milliseconds), 3)
+        print(json.dumps({"median_ms": median, "frames": len(cameras), "repeat": args.repeat, "gaussians": len(scene)}))
+    return Outcome(OK, args.scene, tuple(cameras))
+
+
+def output_names(cameras: Sequence[Camera], fallback: str) -> list[str]:
+    """The stem of each camera's file, made unique by a number where two share it; `fallback` where it has none."""
+    names: list[str] = []
+    for camera in cameras:
+        stem = Path(camera.file.replace("\\", "/")).stem or fallback
+        name, number = stem, 2
+        while name in names:
+            name, number = f"{stem}_{number}", number + 1
+        names.append(name)
+    return names
+
+
+def write_view(path: Path, view: RenderedView, npz: bool) -> None:
+    """`path`.png, and `path`.npz when asked."""
+    write_png(path.with_name(path.name + ".png"), view.color)
+    if npz:
+        with atomic_write(path.with_name(path.name + ".npz"), "wb") as file:
+            np.savez(file, color=view.color, depth=view.depth, alpha=view.alpha)
+
+
+def write_png(path: Path, color: np.ndarray[tuple[int, ...], np.dtype[np.float32]]) -> None:
+    """Display-encoded RGB 0..1 (H, W, 3) as an 8-bit PNG."""
+    pixels = np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8)
+    _, encoded = cv2.imencode(".png", np.ascontiguousarray(pixels[..., ::-1]))
+    with atomic_write(path, "wb") as file:
+        file.write(encoded.tobytes())
+
+
+def _time(renderer: Renderer, camera: Camera, repeat: int) -> list[float]:
+    """Milliseconds of `repeat` draws; the caller's own draw was the warm-up."""
+    times = []
+    for _ in range(max(0, repeat)):
+        began = time.perf_counter()
+        renderer.render(camera.intrinsics, camera.pose)
+        times.append(1e3 * (time.perf_counter() - began))
+    return times

@@ -1,0 +1,65 @@
+"""The results file of a batch: always whole on disk, always in the order of the queries, and taken up again by a second run."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from ..atomic import atomic_write
+from ..errors import GssmcError
+
+Record = dict[str, Any]
+
+
+class ResultsError(GssmcError):
+    """The results file cannot be used."""
+
+
+def job_key(*parts: Any) -> str:
+    """A short digest of everything that an answer depends on; equal keys mean that it need not be found again."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+class ResultStore:
+    """Records by query index. `save` replaces the file in one step, so that a crash finds the old one or the new one."""
+
+    def __init__(self, path: Path, keys: list[str]) -> None:
+        self._path = path
+        self._keys = keys
+        self._texts: dict[int, str] = {}
+        self.records: dict[int, Record] = {}
+
+    def resume(self) -> int:
+        """Take over what an earlier run finished for the same queries and options; returns how many.
+
+        Photos that could not be tried at all (records with "error") are tried again. Raises ResultsError when the file is
+        something else, rather than overwrite it.
+        """
+        if not self._path.exists():
+            return 0
+        try:
+            frames = json.loads(self._path.read_text(encoding="utf-8"))["frames"]
+            usable = {frame["key"]: frame for frame in frames if frame["verdict"] and "error" not in frame}
+        except (ValueError, KeyError, TypeError):
+            raise ResultsError(f"'{self._path}' exists and is no results file of a batch; give another --out.") from None
+        for index, key in enumerate(self._keys):
+            if key in usable:
+                self._keep(index, usable[key])
+        return len(self.records)
+
+    def put(self, index: int, record: Record) -> None:
+        """Add a record and save."""
+        self._keep(index, {**record, "key": self._keys[index]})
+        self.save()
+
+    def save(self) -> None:
+        with atomic_write(self._path) as file:
+            file.write('{"frames": [\n')
+            file.write(",\n".join(self._texts[index] for index in sorted(self._texts)))
+            file.write("\n]}\n")
+
+    def _keep(self, index: int, record: Record) -> None:
+        self.records[index] = record
+        self._texts[index] = json.dumps(record)  # kept, because the whole file is written after every photo

@@ -1,0 +1,66 @@
+"""A batch worker: one process that holds the scene and refines the photos it is handed, one JSON line each.
+
+A process of its own, because a damaged photo or model can end a process inside OpenCV, and that must cost one photo only.
+The first line it gets is {"scene", "settings"}, answered by {"dropped": n} or {"error": sentence}; each further line is
+{"camera", "photo"}, answered by the photo's record. It ends when its input does.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import IO, Any
+
+import cv2
+
+from ..camera_files import camera_from_dict
+from ..errors import GssmcError
+from ..pose.settings import RefineSettings
+from ..render import Renderer, RenderSettings
+from ..results import error_to_dict, report_to_dict
+from ..splats import read_splats
+from .refine_one import refine_photo
+
+
+def main() -> int:
+    """Serve jobs from stdin on stdout."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides when to end us
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # whatever a library prints must not get between the answers
+    cv2.setNumThreads(1)
+    first = json.loads(sys.stdin.readline())
+    try:
+        scene = read_splats(first["scene"])
+    except GssmcError as error:
+        _answer(answers, {"error": str(error)})
+        return 0
+    renderer, settings = Renderer(scene, RenderSettings(threads=1)), RefineSettings(**first["settings"])
+    _answer(answers, {"dropped": scene.dropped})
+    del scene
+    for line in sys.stdin:
+        job = json.loads(line)
+        _answer(answers, refine_record(renderer, settings, job["camera"], Path(job["photo"])))
+    return 0
+
+
+def refine_record(renderer: Renderer, settings: RefineSettings, camera_dict: dict[str, Any], photo: Path) -> dict[str, Any]:
+    """The record of one photo; what cannot be used becomes a record that says so."""
+    camera = camera_from_dict(camera_dict)
+    try:
+        return report_to_dict(refine_photo(renderer, photo, camera, settings))
+    except GssmcError as error:
+        return error_to_dict(camera, str(error))
+    except MemoryError:
+        return error_to_dict(camera, "The photo does not fit into memory beside the scan; use fewer --workers.")
+
+
+def _answer(answers: IO[str], data: dict[str, Any]) -> None:
+    answers.write(json.dumps(data) + "\n")
+    answers.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
