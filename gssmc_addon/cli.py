@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
+from pathlib import Path
+
+from ..core import cli
+from ..core.commands.outcome import Outcome
+
+PROGRAM = "blender --command gssmc"
 
 
 def main(argv: Sequence[str]) -> int:
-    """Runs the engine's command line; the exit code is its own."""
-    from ..core.cli import main as engine_main
+    """Runs the engine's command line; its exit code."""
+    return cli.main(list(argv), prog=PROGRAM, add_options=_add_blend, on_outcome=_save_blend)
 
-    return engine_main(list(argv))
+
+def _add_blend(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--blend", type=Path, metavar="OUT.blend", help="also save a scene with splat, cameras and photos")
+    parser.add_argument("--up", choices=("y-down", "y-up", "z-up", "z-down"), default="y-down", help="the splat's up axis")
+
+
+def _save_blend(args: argparse.Namespace, outcome: Outcome) -> None:
+    if args.blend:
+        from . import blend_file
+
+        blend_file.save(args.blend, outcome, getattr(args, "out", None), args.up.replace("-", "_").upper())

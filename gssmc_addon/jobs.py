@@ -14,7 +14,7 @@ import bpy
 from ..core.errors import GssmcError, RefineError
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
-from . import camera_bridge, photo_image, splat_object
+from . import camera_bridge, photo_camera, photo_image, properties, splat_object
 from .worker import Failure, RefineInputs, Worker
 
 TICK_S = 0.1
@@ -132,20 +132,18 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
     Raises GssmcError, with nothing written, when the splat or the camera changed so that the result cannot be applied.
     """
     scene, splat, camera = targets.find()
-    aspect = ""
+    notes = []
     if report.verdict != "failed":
         camera_bridge.check_writable(camera)
         if camera_bridge.write_camera(scene, camera, splat, report.camera):
-            aspect = " The render's pixel aspect was set to the camera's."
-    note = camera.data.gssmc
-    note.verdict = report.verdict.upper()
-    note.reasons = "\n".join(report.reasons)
-    note.iterations_done = len(report.iterations)
-    note.seconds = report.seconds
+            notes.append("The render's pixel aspect was set to the camera's.")
+        if camera == scene.camera:
+            notes += photo_camera.frame(scene, report.camera.intrinsics.width, report.camera.intrinsics.height)
+    properties.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     first = report.reasons[0] if report.reasons else ""
     if report.verdict == "failed":
         return f'No camera was found for "{camera.name}", which stays where it was: {first}'
-    return f'"{camera.name}" was refined ({report.verdict}) in {report.seconds:.1f} s: {first}{aspect}'
+    return " ".join([f'"{camera.name}" was refined ({report.verdict}) in {report.seconds:.1f} s: {first}', *notes])
 
 
 class _Slot:

@@ -8,12 +8,11 @@ from pathlib import Path
 import bpy
 
 from ..core import conventions
-from ..core.camera import Camera
+from ..core.camera import Camera, Intrinsics
 from ..core.camera_files import read_cameras
-from ..core.conventions import BlenderLens
 from ..core.errors import CameraError
 from ..core.photo import Photo, check_size
-from . import camera_bridge, photo_image
+from . import camera_bridge, photo_image, properties
 
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
 
@@ -82,9 +81,8 @@ def fit_camera(
     else:
         notes.append(_lens_from_exif(scene, data, photo))
     data.gssmc.photo = image  # its update shows it behind the camera
-    data.gssmc.verdict = "NONE"
-    data.gssmc.reasons = ""
-    notes += _frame(scene, photo, set_resolution)
+    properties.note_verdict(data, "none", (), 0, 0.0)
+    notes += frame(scene, photo.width, photo.height, set_resolution)
     return notes
 
 
@@ -93,20 +91,21 @@ def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo
         return f"The photo tells no focal length; set the lens of the camera (now {data.lens:.3g} mm) as close as you can."
     focal = conventions.focal_px_from_35mm(photo.focal_35mm, photo.width, photo.height)
     data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", PHOTO_SENSOR_MM
-    centre = BlenderLens(1.0, data.sensor_width, data.sensor_height, data.sensor_fit)
-    unit = conventions.intrinsics_from_blender(centre, photo.width, photo.height).fx
-    data.lens, data.shift_x, data.shift_y = focal / unit, 0.0, 0.0
+    wanted = Intrinsics(photo.width, photo.height, focal, focal, photo.width / 2, photo.height / 2)
+    lens = conventions.blender_from_intrinsics(wanted, camera_bridge.read_lens(scene, data))
+    camera_bridge.write_lens(scene, data, lens, camera_bridge.read_distortion(data))
     return f"Lens {data.lens:.3g} mm from the photo's EXIF."
 
 
-def _frame(scene: bpy.types.Scene, photo: Photo, set_resolution: bool) -> list[str]:
+def frame(scene: bpy.types.Scene, width: int, height: int, allowed: bool = True) -> list[str]:
+    """Gives the render the photo's resolution where its shape differs, if `allowed`. Sentences on what was done or not."""
     render = scene.render
     before = render.resolution_x, render.resolution_y
-    if before[0] * photo.height == before[1] * photo.width:
+    if before[0] * height == before[1] * width:
         return []
-    if not set_resolution:
+    if not allowed:
         return [f"The photo does not fill the frame, for the render resolution {before[0]} x {before[1]} has another shape."]
-    render.resolution_x, render.resolution_y = photo.width, photo.height
+    render.resolution_x, render.resolution_y = width, height
     return [f"The render resolution was {before[0]} x {before[1]} and is now the photo's."]
 
 

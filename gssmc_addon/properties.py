@@ -6,6 +6,7 @@ The state of a running job is not among it (see jobs): a saved file never says t
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import fields
 
 import bpy
@@ -74,6 +75,13 @@ def verdict_title(note: GssmcCamera) -> str:
     name = next(item[1] for item in VERDICTS if item[0] == note.verdict)
     rounds = f"{note.iterations_done} iteration{'s' if note.iterations_done != 1 else ''}"
     return f"{name}: {rounds}, {note.seconds:.1f} s"
+
+
+def note_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
+    """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none"."""
+    note = data.gssmc
+    note.verdict, note.reasons = verdict.upper(), "\n".join(reasons)
+    note.iterations_done, note.seconds = iterations, seconds
 
 
 def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:

@@ -3,15 +3,12 @@
 from pathlib import Path
 
 import bpy
-import numpy as np
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
-from mathutils import Matrix
 
-from ..core import conventions
 from ..core.errors import GssmcError
 from ..core.splats import read_splats
-from ..gssmc_addon import splat_display, splat_object
+from ..gssmc_addon import splat_display, splat_import, splat_object
 
 ORIENTATION_ITEMS = (
     ("Y_DOWN", "Y Down", "The file's y axis points down, as photogrammetry and most splat trainers write it"),
@@ -51,25 +48,12 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
         except GssmcError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        obj = self._add(context, path.stem, scene)
+        obj = splat_import.add_splat(context, path.stem, scene, self.orientation)
+        if self.show_colours and not splat_object.has_native_type(obj.data):
+            splat_display.show_colours(context)
         dropped = f" {scene.dropped} Gaussians with values that are not finite were left out." if scene.dropped else ""
         self.report({"INFO"}, f'"{obj.name}": {len(scene):,} Gaussians, SH degree {scene.sh_degree} ({scene.format}).{dropped}')
         return {"FINISHED"}
-
-    def _add(self, context, name, scene):
-        obj = splat_object.create_splat(name, scene)
-        if not splat_object.has_native_type(obj.data):
-            splat_display.dress_splat(obj, scene)
-            if self.show_colours:
-                splat_display.show_colours(context)
-        obj.matrix_world = Matrix(np.asarray(conventions.orientation_matrix(self.orientation)).tolist())
-        context.collection.objects.link(obj)
-        for other in context.selected_objects:
-            other.select_set(False)
-        obj.select_set(True)
-        context.view_layer.objects.active = obj
-        context.scene.gssmc.splat = obj
-        return obj
 
 
 classes = (GSSMC_OT_import_splats,)

@@ -1,0 +1,69 @@
+"""A .blend made from what the command line found: the splat, and a camera with its photo for each result."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core.camera import Camera
+from ..core.commands.outcome import Outcome
+from ..core.conventions import Orientation
+from ..core.errors import GssmcError
+from ..core.photo import read_photo
+from ..core.results import report_to_dict
+from ..core.splats import read_splats
+from . import camera_bridge, photo_camera, photo_image, properties, splat_import
+
+
+def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation) -> None:
+    """Saves a scene with the outcome at `path`; whatever is open in this Blender is dropped for it.
+
+    `results`: the file of a batch, which holds the verdicts. Raises GssmcError when the scene cannot be saved.
+    """
+    for obj in list(bpy.data.objects):
+        bpy.data.objects.remove(obj)
+    splat_import.add_splat(bpy.context, outcome.scene.stem, read_splats(outcome.scene), orientation)
+    photos: Sequence[Path | None] = outcome.photos or (None,) * len(outcome.cameras)
+    verdicts = _verdicts(outcome, results)
+    for camera, photo, verdict in zip(outcome.cameras, photos, verdicts, strict=True):
+        _add_camera(camera, photo, verdict)
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()))
+    except RuntimeError as error:
+        raise GssmcError(f"The scene cannot be saved to '{path}'; check that its folder exists and can be written.") from error
+
+
+def _verdicts(outcome: Outcome, results: Path | None) -> list[dict[str, Any]]:
+    """What was said of each camera, as core.results writes it; empty for cameras that were only drawn."""
+    if outcome.reports:
+        return [report_to_dict(report) for report in outcome.reports]
+    if outcome.photos and results:
+        frames: list[dict[str, Any]] = json.loads(results.read_text(encoding="utf-8"))["frames"]
+        return frames
+    return [{} for _ in outcome.cameras]
+
+
+def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]) -> None:
+    """A camera object at the engine's camera, with its photo behind it where there is one that can be read."""
+    scene = bpy.context.scene
+    name = Path(camera.file).stem or "Camera"
+    obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    scene.collection.objects.link(obj)
+    try:
+        photo = read_photo(photo_file) if photo_file else None
+    except GssmcError:  # it failed alone in the batch, and its verdict says so
+        photo = None
+    if photo and photo_file:
+        image = photo_image.load_image(str(photo_file.resolve()), photo)
+        photo_camera.fit_camera(bpy.context, obj, photo, image, camera, set_resolution=True)
+    else:
+        scene.camera = obj
+        camera_bridge.write_camera(scene, obj, scene.gssmc.splat, camera)
+        photo_camera.frame(scene, camera.intrinsics.width, camera.intrinsics.height)
+    if verdict:
+        rounds = len(verdict["iterations"])
+        properties.note_verdict(obj.data, verdict["verdict"], verdict["reasons"], rounds, verdict["seconds"])
