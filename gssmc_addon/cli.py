@@ -18,7 +18,9 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _add_blend(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--blend", type=Path, metavar="OUT.blend", help="also save a scene with splat, cameras and photos")
+    parser.add_argument(
+        "--blend", type=_blend_path, metavar="OUT.blend", help="also save a scene with splat, cameras and photos"
+    )
     parser.add_argument("--up", choices=("y-down", "y-up", "z-up", "z-down"), default="y-down", help="the splat's up axis")
 
 
@@ -27,3 +29,11 @@ def _save_blend(args: argparse.Namespace, outcome: Outcome) -> None:
         from . import blend_file
 
         blend_file.save(args.blend, outcome, getattr(args, "out", None), args.up.replace("-", "_").upper())
+
+
+def _blend_path(text: str) -> Path:
+    """Asked for before the work, so that hours of it do not end in a folder that is not there."""
+    path = Path(text)
+    if not path.resolve().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"the folder '{path.parent}' does not exist; create it or give another path.")
+    return path

@@ -56,6 +56,8 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
         column.prop(camera.data, "lens")
         view = context.space_data
         column.prop(view, "lock_camera", text="Move Camera With View", toggle=True)
+        if camera.data.gssmc.verdict == "NONE" and not jobs.active():
+            draw_text(layout, context, "Bring the camera to about where the photo was taken, then refine.")
 
 
 def _draw_progress(layout: bpy.types.UILayout, job: jobs.RefineJob) -> None:

@@ -40,6 +40,13 @@ def wait_for_job():
     assert not jobs().active(), "the refinement did not end"
 
 
+def wait_until(condition, what, limit=10.0):
+    start = time.time()
+    while not condition() and time.time() - start < limit:
+        yield 0.1
+    assert condition(), what
+
+
 def set_up():
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     shot("extra-1-empty.png")
@@ -85,12 +92,11 @@ def refine_and_undo():
     after = camera_state()
     assert after != before
     press("Z", ctrl=True)
-    yield 2.0
-    assert camera_state() == before, "one Ctrl-Z must take the camera back"
+    yield from wait_until(lambda: camera_state() == before, "one Ctrl-Z must take the camera back")
+    yield 1.0
     shot("extra-7-undone.png")
     press("Z", ctrl=True, shift=True)
-    yield 2.0
-    assert camera_state() == after
+    yield from wait_until(lambda: camera_state() == after, "redo must bring the result back")
 
 
 def colours():

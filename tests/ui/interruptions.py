@@ -57,7 +57,7 @@ def wait_for_end(limit):
     yield 0.5
 
 
-def wait_until(condition, what, limit=5.0):
+def wait_until(condition, what, limit=10.0):
     begun = time.time()
     while not condition() and time.time() - begun < limit:
         yield 0.1
