@@ -1,0 +1,79 @@
+"""The command line inside Blender: the engine's own, plus `--blend`."""
+
+import json
+
+import numpy as np
+import pytest
+from samples import random_gaussians, write_photo, write_ply
+
+
+@pytest.fixture
+def main(bpy, extension):
+    return extension("gssmc_addon.cli").main
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A splat, two photos of something else, and start cameras that look at the splat."""
+    write_ply(tmp_path / "scan.ply", random_gaussians(300, 0))
+    frames = []
+    for name in ("a.png", "b.png"):
+        write_photo(tmp_path / name, 60, 90)
+        frame = {"file": name, "width": 60, "height": 90, "fx": 80, "fy": 80, "cx": 30, "cy": 45, "dist": [0.01, 0, 0, 0]}
+        frames.append(frame | {"R": np.eye(3).tolist(), "t": [0, 0, 6.0]})
+    (tmp_path / "cameras.json").write_text(json.dumps({"frames": frames}))
+    return tmp_path
+
+
+def cameras(bpy):
+    return sorted((o for o in bpy.context.scene.objects if o.type == "CAMERA"), key=lambda o: o.name)
+
+
+def test_refine_saves_splat_camera_photo_and_verdict(bpy, main, files):
+    out = files / "out.blend"
+    arguments = ["refine", files / "scan.ply", files / "a.png", "--camera", files / "cameras.json"]
+    code = main([str(a) for a in [*arguments, "--out", files / "result.json", "--blend", out, "--up", "z-up"]])
+    assert code == 3, "a photo of another place must fail"
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=str(out))
+    scene = bpy.context.scene
+    (camera,) = cameras(bpy)
+    assert len(scene.gssmc.splat.data.points) == 300
+    assert camera.data.background_images[0].image.name == "a.png"
+    assert camera.data.gssmc.verdict == "FAILED"
+    assert camera.data.gssmc.reasons.splitlines() == json.loads((files / "result.json").read_text())["reasons"]
+    np.testing.assert_allclose(camera.matrix_world.translation, (0, 0, -6), atol=1e-5)
+    assert camera.data.gssmc.k1 == pytest.approx(0.01)
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (60, 90)
+
+
+def test_batch_saves_a_camera_for_each_photo(bpy, main, files):
+    (files / "b.png").write_bytes(b"no picture")
+    arguments = ["batch", files / "scan.ply", files / "cameras.json", "--out", files / "results.json", "--workers", "1"]
+    assert main([str(a) for a in [*arguments, "--blend", files / "out.blend"]]) == 3
+    bpy.ops.wm.open_mainfile(filepath=str(files / "out.blend"))
+    assert [c.name for c in cameras(bpy)] == ["a", "b"]
+    assert [c.data.gssmc.verdict for c in cameras(bpy)] == ["FAILED", "FAILED"]
+    assert [len(c.data.background_images) for c in cameras(bpy)] == [1, 0]
+
+
+def test_render_saves_its_cameras(bpy, main, files):
+    code = main(["render", str(files / "scan.ply"), str(files / "cameras.json"), str(files), "--blend", str(files / "o.blend")])
+    assert code == 0
+    bpy.ops.wm.open_mainfile(filepath=str(files / "o.blend"))
+    assert [c.name for c in cameras(bpy)] == ["a", "b"]
+
+
+def test_without_blend_the_open_scene_stays(bpy, main, files):
+    bpy.data.objects.new("mine", None)
+    assert main(["render", str(files / "scan.ply"), str(files / "cameras.json"), str(files)]) == 0
+    assert "mine" in bpy.data.objects
+    assert not bpy.data.pointclouds
+
+
+@pytest.mark.parametrize("blend", ["nowhere/out.blend"])
+def test_a_folder_that_is_missing_is_told_before_the_work(main, files, capfd, blend):
+    arguments = ["render", str(files / "scan.ply"), str(files / "cameras.json"), str(files / "drawn")]
+    assert main([*arguments, "--blend", str(files / blend)]) == 2
+    assert len(capfd.readouterr().err.strip().splitlines()) == 1
+    assert not (files / "drawn").exists()
