@@ -122,7 +122,7 @@ def gather(
     camera_bridge.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = photo_image.photo_source(photo)
-    inputs = RefineInputs(splat_object.read_splat(splat), source, copy, settings)
+    inputs = RefineInputs(splat_object.copy_splat(splat), source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs)
 
 

@@ -6,6 +6,8 @@ attribute per SH coefficient above degree 0. Positions stay in the file's coordi
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import bpy
 import numpy as np
 
@@ -38,33 +40,54 @@ def create_splat(name: str, scene: GaussianScene) -> bpy.types.Object:
     return bpy.data.objects.new(name, cloud)
 
 
-def read_splat(obj: bpy.types.Object) -> GaussianScene:
-    """The Gaussians of a splat object, copied out of Blender's memory. Raises SplatFormatError when it is no splat."""
+@dataclass(frozen=True)
+class SplatCopy:
+    """A splat object's attributes as Blender holds them, copied: means (N, 3), scales (N, 3), rotations (N, 4), base (N, 4)
+    with f_dc and opacity, and one (N, 3) array per SH coefficient above degree 0; all float32.
+    """
+
+    means: np.ndarray
+    scales: np.ndarray
+    rotations: np.ndarray
+    base: np.ndarray
+    bands: tuple[np.ndarray, ...]
+
+    def assemble(self) -> GaussianScene:
+        """The engine's scene. Needs no Blender and takes a while on large scans, hence fit for a worker thread.
+
+        Editing tools and other importers may leave NaN behind; such Gaussians are dropped, as on reading a file.
+        Raises SplatFormatError when none is left.
+        """
+        sh = np.empty((len(self.means), 1 + len(self.bands), 3), np.float32)
+        sh[:, 0] = self.base[:, :3]
+        for k, band in enumerate(self.bands):
+            sh[:, k + 1] = band
+        arrays = (self.means, self.scales, self.rotations, self.base[:, 3].copy(), sh)
+        good = np.logical_and.reduce([np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays])
+        dropped = int(len(good) - good.sum())
+        if dropped == len(good):
+            raise SplatFormatError(
+                "Every Gaussian of the splat object holds a value that is not finite; import the file again."
+            )
+        kept = arrays if dropped == 0 else tuple(np.ascontiguousarray(a[good]) for a in arrays)
+        return GaussianScene(*kept, dropped=dropped, format="Blender point cloud")
+
+
+def copy_splat(obj: bpy.types.Object) -> SplatCopy:
+    """Copies a splat object out of Blender's memory. Raises SplatFormatError when it is no splat, or an empty one."""
     if not is_splat(obj):
         raise SplatFormatError(f'"{obj.name}" holds no Gaussian splats; pick one made by File > Import > Gaussian Splats.')
     cloud = obj.data
-    count = len(cloud.points)
-    if count == 0:
+    if len(cloud.points) == 0:
         raise SplatFormatError(f'"{obj.name}" has no points; import the splat file again.')
-    base = _read(cloud, BASE, 4)
-    bands = _sh_bands(cloud)
-    sh = np.empty((count, 1 + bands, 3), np.float32)
-    sh[:, 0] = base[:, :3]
-    for k in range(bands):
-        sh[:, k + 1] = _read(cloud, f"{SH_PREFIX}{k}", 3)
-    scales, rotations = _read(cloud, "scale", 3), _read(cloud, "rotation", 4)
-    arrays = (_read(cloud, "position", 3), scales, rotations, base[:, 3].copy(), sh)
-    return _finite_only(arrays)
+    bands = tuple(_read(cloud, f"{SH_PREFIX}{k}", 3) for k in range(_sh_bands(cloud)))
+    shape = _read(cloud, "position", 3), _read(cloud, "scale", 3), _read(cloud, "rotation", 4)
+    return SplatCopy(*shape, _read(cloud, BASE, 4), bands)
 
 
-def _finite_only(arrays: tuple[np.ndarray, ...]) -> GaussianScene:
-    """Editing tools and other importers may leave NaN behind; such Gaussians are dropped, as on reading a file."""
-    good = np.logical_and.reduce([np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays])
-    dropped = int(len(good) - good.sum())
-    if dropped == len(good):
-        raise SplatFormatError("Every Gaussian of the splat object holds a value that is not finite; import the file again.")
-    kept = arrays if dropped == 0 else tuple(np.ascontiguousarray(a[good]) for a in arrays)
-    return GaussianScene(*kept, dropped=dropped, format="Blender point cloud")
+def read_splat(obj: bpy.types.Object) -> GaussianScene:
+    """The Gaussians of a splat object. Raises SplatFormatError when it is no splat."""
+    return copy_splat(obj).assemble()
 
 
 def _sh_bands(cloud: bpy.types.PointCloud) -> int:

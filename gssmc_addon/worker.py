@@ -12,9 +12,9 @@ from ..core.errors import GssmcError
 from ..core.photo import Photo
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
-from ..core.splats.scene import GaussianScene
 from .camera_bridge import CameraCopy
 from .photo_image import PhotoSource
+from .splat_object import SplatCopy
 
 log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 class RefineInputs:
     """Everything a refinement needs, copied out of Blender."""
 
-    gaussians: GaussianScene
+    splat: SplatCopy
     photo: PhotoSource
     camera: CameraCopy
     settings: RefineSettings
@@ -48,7 +48,7 @@ def refinement(inputs: RefineInputs) -> Generator[RefineProgress, None, RefineRe
     photo: Photo = inputs.photo.read()
     camera = inputs.camera.at_size(photo.width, photo.height)
     yield RefineProgress(0, inputs.settings.iterations, "Preparing the splat", 0.0)
-    renderer = Renderer(inputs.gaussians, RenderSettings(threads=1))  # the refinement draws its views side by side
+    renderer = Renderer(inputs.splat.assemble(), RenderSettings(threads=1))  # the refinement draws its views side by side
     return (yield from iterate_refinement(renderer, photo, camera, inputs.settings))
 
 
