@@ -22,7 +22,7 @@ IndexArray = NDArray[np.intp]
 
 PIXELS = TILE * TILE
 ROUND_PAIRS = 8192  # pairs per round: its weights (2 MiB) stay near the core
-DEPTH_MIN, DEPTH_MAX = 8, 32
+DEPTH_MAX = 32
 GEMM_ROWS = 512  # OpenBLAS starts threads of its own only above M N K = 262144; 512 x 64 x 6 stays below
 EXPONENT_MIN = -60.0  # far under 1/255; cv2.exp is slow where it underflows
 LOG_ALPHA_MAX = float(np.log(np.float32(c.ALPHA_MAX)))
@@ -63,12 +63,13 @@ def pixel_basis() -> Float32Array:
 class Scratch:
     """Memory of one worker, kept between rounds and frames: fresh pages would cost more than the arithmetic."""
 
-    def __init__(self) -> None:
-        pairs = ROUND_PAIRS + GEMM_ROWS
+    def __init__(self, tiles: int = 0) -> None:
+        self.pairs = max(ROUND_PAIRS, tiles)
+        pairs = self.pairs + GEMM_ROWS
         self.rows = np.empty((pairs, ROW), np.float32)
         self.columns = np.empty(ROW * pairs, np.float32)
         self.coefficients = np.zeros((6, pairs), np.float32)
-        self.work = np.empty((4, pairs), np.float32)
+        self.work = np.empty((3, pairs), np.float32)
         self.weights = np.empty((pairs, PIXELS), np.float32)
         self.basis = pixel_basis()
 
@@ -91,7 +92,7 @@ def blend_band(
     sums = np.zeros((len(live), CHANNELS, PIXELS), np.float32)
     while len(live):
         poll()
-        depth = max(DEPTH_MIN, min(ROUND_PAIRS // len(live), DEPTH_MAX, int(remaining.max())))
+        depth = max(1, min(scratch.pairs // len(live), DEPTH_MAX, int(remaining.max())))
         g = _gather_index(lists.splats, position, remaining, depth, len(table) - 1)
         rows = _coefficients(table, g, centre, z0, scratch)
         weights = _alpha(g.shape, scratch)
@@ -135,7 +136,7 @@ def _coefficients(
     np.square(columns[Z], out=rows[:, FEATURES + 5])
     mx, my, l1, l2, l3 = columns[:5]
     out = scratch.coefficients[:, :pairs]
-    p, s, t, u = scratch.work[:, :pairs]
+    p, s, t = scratch.work[:, :pairs]
     np.multiply(l1, mx, out=p)
     np.multiply(l2, my, out=t)
     p += t

@@ -77,11 +77,7 @@ def project_chunk(tables: SceneTables, view: View, part: slice) -> Splats | None
     row_y = (axes[1] - v * axes[2]) * (np.float32(k.fy) / z)
     a, cc, b = _dot(row_x, row_x), _dot(row_y, row_y), _dot(row_x, row_y)
     low = np.float32(c.LOWPASS_PX2)
-    # Cauchy-Binet keeps the determinant of a needle exact where a c - b^2 would cancel
-    det = low * (a + cc + low)
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        minor = row_x[i] * row_y[j] - row_x[j] * row_y[i]
-        det += minor * minor
+    det = _determinant(row_x, row_y, a, cc)
     a += low
     cc += low
     cut = tables.cut[whole]
@@ -94,8 +90,8 @@ def project_chunk(tables: SceneTables, view: View, part: slice) -> Splats | None
     return Splats(
         mx=mx[hit],
         my=my[hit],
-        l1=np.sqrt(cc / det),
-        l2=np.asarray(-b / np.sqrt(cc * det)),
+        l1=np.sqrt(cc / det).astype(np.float32),
+        l2=(-b / np.sqrt(cc * det)).astype(np.float32),
         l3=np.asarray(np.float32(1) / np.sqrt(cc)),
         ex=ex,
         ey=ey[hit],
@@ -124,6 +120,20 @@ def _cull(
     near &= off_y <= np.float32(view.gain_y) * reach
     index = np.flatnonzero(near)
     return index, x[index], y[index], z[index]
+
+
+def _determinant(row_x: Float32Array, row_y: Float32Array, a: Float32Array, c_: Float32Array) -> NDArray[np.float64]:
+    """Determinant of the 2D covariance with its low-pass; a, c_: its diagonal without.
+
+    Cauchy-Binet keeps that of a needle exact where a c - b^2 would cancel; float64 because a Gaussian larger than the
+    world overflows float32 here.
+    """
+    det = c.LOWPASS_PX2 * (a.astype(np.float64) + c_ + c.LOWPASS_PX2)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        minor = np.multiply(row_x[i], row_y[j], dtype=np.float64)
+        minor -= np.multiply(row_x[j], row_y[i], dtype=np.float64)
+        det += np.square(minor, out=minor)
+    return np.asarray(det)
 
 
 def _dot(p: Float32Array, q: Float32Array) -> Float32Array:

@@ -90,10 +90,17 @@ class _Target:
             :, None, :
         ]
         centres = np.stack([corner_x, corner_y]).astype(np.float32) + np.float32(TILE / 2)
-        scratch = self.scratches.pop() if self.scratches else Scratch()
+        scratch = self._scratch(len(row))
         band = blend_band(table, lists, centres, inside.reshape(len(row), -1).astype(np.float32), scratch, poll)
         self.scratches.append(scratch)
         self._store(band, begin, end)
+
+    def _scratch(self, tiles: int) -> Scratch:
+        try:
+            scratch = self.scratches.pop()
+        except IndexError:
+            return Scratch(tiles)
+        return scratch if scratch.pairs >= tiles else Scratch(tiles)
 
     def _store(self, band: BandImage, begin: int, end: int) -> None:
         k, rows = self.k, end - begin

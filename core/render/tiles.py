@@ -46,7 +46,9 @@ def _expand(values: Int32Array, first: Int32Array, counts: Int32Array) -> tuple[
     ends = np.cumsum(counts)
     total = int(ends[-1]) if len(ends) else 0
     shift = first - (ends - counts).astype(np.int32)
-    return np.repeat(values, counts), np.repeat(shift, counts) + np.arange(total, dtype=np.int32)
+    running = np.repeat(shift, counts)
+    running += np.arange(total, dtype=np.int32)
+    return np.repeat(values, counts), running
 
 
 def _span(splats: Splats, g: Int32Array, row: Int32Array, columns: int) -> tuple[Int32Array, Int32Array]:
