@@ -31,9 +31,10 @@ MIN_PHOTO_FEATURES = 30
 MIN_OPAQUE = 0.02  # a reference view with less of the scan in it looks away from it
 LOOKS_AWAY = "The start camera sees almost nothing of the splat; turn it towards the scene and refine again."
 WORSE_AGREEMENT = 0.05  # share of corners by which a refined camera may fit worse than its start before the start is kept
-WIDEN = 2.0
+WIDEN = 3.0
 MAX_SPREAD = 0.3  # of the median depth; beyond, the candidates leave the place
-MAX_SPREAD_DEG = 8.0
+MAX_SPREAD_DEG = 20.0
+MIN_SEARCH_DEG = 3.0  # a search that keeps looking the same way finds nothing new
 INSIDE_FAN_DEG = 6.0  # an answer turned less than this from the views matches them as well as it ever will
 
 
@@ -65,7 +66,7 @@ class Fan:
     rotation_deg: float
 
     def wider(self) -> Fan:
-        return Fan(min(self.ratio * WIDEN, MAX_SPREAD), min(max(self.rotation_deg, 0.5) * WIDEN, MAX_SPREAD_DEG))
+        return Fan(min(self.ratio * WIDEN, MAX_SPREAD), min(max(self.rotation_deg, MIN_SEARCH_DEG) * WIDEN, MAX_SPREAD_DEG))
 
 
 def refine(
@@ -147,7 +148,7 @@ class _Loop:
     def run(self, start: Pose, records: list[IterationRecord]) -> Generator[RefineProgress, None, Outcome]:
         """Iterates from `start` and returns the best answer."""
         settings, rng = self.settings, np.random.default_rng(self.settings.seed)
-        fan = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
+        fan = narrow = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
         pose, best, problem, agreement = start, None, "", 0.0
         for index in range(settings.iterations):
             observations = yield from self._observe(pose, fan, index, rng)
@@ -167,9 +168,9 @@ class _Loop:
             if best is not None and not _supports(found, best):
                 break  # fewer matches agree than before: a later iteration must not spoil a good pose
             best, pose, moved_from = found, found.fit.pose, pose
-            if settings.multiview and _inside_fan(found, moved_from, fan):
+            if settings.multiview and fan == narrow and _inside_fan(found, moved_from, fan):
                 break
-            fan = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
+            fan = narrow
         return Outcome(best, problem, agreement)
 
     def _observe(
@@ -202,7 +203,7 @@ class _Loop:
         K = self.query.pinhole.matrix
         matches = sum(len(o.matches) for o in observations)
         usable = usable_views(observations, self.query.pinhole.focal)
-        coarse = coarse_pose(usable, K, self.settings.multiview)
+        coarse = coarse_pose(observations, usable, K, self.settings.multiview)
         if coarse is None:
             return None, IterationRecord(index, len(usable), matches, 0, float("nan"), pose)
         if self.settings.epipolar:

@@ -23,7 +23,7 @@ class RefineSettings:
     Raises RefineError when a number is outside its range.
     """
 
-    iterations: int = 4
+    iterations: int = 5
     candidates: int = 6
     seed: int = 0
     multiview: bool = True

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..camera import FloatArray, Pose
 from .consistency import consensus_pose
+from .depth_pnp import pnp_pose
 from .epipolar import EpipolarFit, epipolar_residuals, measure_epipolar, refine_epipolar
 from .matches import BoolArray, ViewMatches, bearings, world_points
 from .observe import Frontend, Observation, Query, align_matches
@@ -48,10 +49,11 @@ def usable_views(observations: Sequence[Observation], focal: float) -> list[Usab
     return out
 
 
-def coarse_pose(views: Sequence[UsableView], K: FloatArray, multiview: bool) -> Pose | None:
-    """The best of the consensus of all views and each view's own answer with the scale of its rendered depth.
-
-    "Best" is the least truncated epipolar distance over all inliers of all views. None when no view holds an answer.
+def coarse_pose(
+    observations: Sequence[Observation], views: Sequence[UsableView], K: FloatArray, multiview: bool
+) -> Pose | None:
+    """The best of the consensus of all views, each view's own answer with the scale of its rendered depth, and the pose of all
+    matches lifted by their depth: the one that most matches agree with. None when no view holds an answer.
     """
     options = [pose for view in views if (pose := single_view_pose(view)) is not None]
     if multiview and len(views) >= 2:
@@ -59,16 +61,24 @@ def coarse_pose(views: Sequence[UsableView], K: FloatArray, multiview: bool) -> 
         consensus = consensus_pose([v.observation.pose for v in views], [v.relative for v in views], support)
         if consensus is not None:
             options.insert(0, consensus.pose)
+    matches = [o.matches for o in observations]
+    pooled = pnp_pose(matches, float(K[0, 0])) if multiview else None
+    if pooled is not None:
+        options.append(pooled[0])
     if not options:
         return None
-    matches = [view.inliers for view in views]
-    return min(options, key=lambda pose: truncated_cost(pose, matches, K))
+    scores = [agreement(pose, matches, K) for pose in options]
+    best = int(np.argmax(scores))
+    return options[best] if scores[best] >= MIN_FINE_MATCHES / 2 else None
 
 
-def truncated_cost(pose: Pose, views: Sequence[ViewMatches], K: FloatArray, cap_px: float = GATE_PX) -> float:
-    """Mean over all matches of min(|d|, cap), pixels, d the epipolar distance."""
-    d = [np.minimum(np.abs(epipolar_residuals(pose, v, K)[0]), cap_px) for v in views if len(v)]
-    return float(np.mean(np.concatenate(d))) if d else cap_px
+def agreement(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> float:
+    """How many matches `pose` explains, each counted 1 on its epipolar line falling to 0 at the gate."""
+    total = 0.0
+    for view in views:
+        d = epipolar_residuals(pose, view, K)[0]
+        total += float(np.sum(np.where(gate(pose, view, K), 1 - (d / GATE_PX) ** 2, 0.0)))
+    return total
 
 
 def single_view_pose(view: UsableView) -> Pose | None:

@@ -3,6 +3,8 @@
 Six painted walls of a box and a few painted pillars; every pixel is the wall's picture at the exact hit point.
 """
 
+from itertools import product
+
 import cv2
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -30,7 +32,7 @@ class BoxRoom:
 
     def __init__(self, seed=0):
         rng = np.random.default_rng(seed)
-        self.pictures = [_picture(rng) for _ in range(3)]
+        self.pictures = [[_picture(rng), _picture(rng)] for _ in range(3)]  # by the side it is seen from
         self.calls = 0
 
     def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
@@ -70,12 +72,10 @@ class BoxRoom:
                 best, axis = np.where(hit, enter, best), np.where(hit, near.argmax(1), axis)
         point = origin + np.where(np.isfinite(best), best, 0)[:, None] * direction
         color = np.zeros((len(rays), 3))
-        for k in range(3):
-            on = (axis == k) & np.isfinite(best)
+        for k, side in product(range(3), range(2)):
+            on = (axis == k) & np.isfinite(best) & ((direction[:, k] > 0) == bool(side))
             s, t = (TEXELS_PER_UNIT * point[on][:, [(k + 1) % 3, (k + 2) % 3]]).T
-            # The sign of the wall moves the picture, so that facing walls differ.
-            s = s + 300 * np.sign(point[on][:, k])
             for channel in range(3):
-                picture = self.pictures[k][:, :, channel]
+                picture = self.pictures[k][side][:, :, channel]
                 color[on, channel] = map_coordinates(picture, [t, s], order=1, mode="grid-wrap")
         return color, best

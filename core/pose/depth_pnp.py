@@ -1,0 +1,118 @@
+"""Pose, and focal length when it is unknown, from matches lifted by the rendered depth (2D-3D), pooled over all views.
+
+One view's essential matrix needs enough matches of its own; three lifted matches of any views make a pose, so that a start too
+far for every single view may still come home. It serves as a hypothesis: the stages after it do not lean on the depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from ..camera import FloatArray, Pose
+from ..lie import hat, se3_exp
+from .matches import ViewMatches, world_points
+
+MIN_POINTS = 12
+RANSAC_PX = 6.0  # wide: the depth of another view is off by more than a keypoint is
+RANSAC_ITERATIONS = 1000
+CAP_PX = 8.0
+POLISH_STEPS = 20
+MIN_SIGMA_PX = 0.5
+FOCAL_SCALES = np.geomspace(0.6, 1.7, 14)  # next to each other by 8 %; the polish reaches half of that
+
+
+def lifted(views: Sequence[ViewMatches]) -> tuple[FloatArray, FloatArray]:
+    """World points (N, 3) and ideal image-plane points of the photo (N, 2) of all matches that have a depth."""
+    if not views:
+        return np.zeros((0, 3)), np.zeros((0, 2))
+    points = np.concatenate([world_points(v) for v in views])
+    query = np.concatenate([v.query for v in views])
+    known = np.isfinite(points).all(axis=1) & (np.concatenate([v.depth for v in views]) > 0)
+    return points[known], query[known]
+
+
+def pnp_pose(views: Sequence[ViewMatches], focal: float, scales: FloatArray | None = None) -> tuple[Pose, float] | None:
+    """The photo's pose, and its focal length as a multiple of `focal` (pixels); None when the matches hold no pose.
+
+    Without `scales` the focal length is known and the multiple is 1; with them, each is tried and the best one polished.
+    """
+    points, query = lifted(views)
+    if len(points) < MIN_POINTS:
+        return None
+    found = [
+        (scale, pose) for scale in (scales if scales is not None else (1.0,)) if (pose := _sample(points, query / scale, focal))
+    ]
+    if not found:
+        return None
+    scale, pose = min(found, key=lambda option: _cost(option[1], option[0], points, query, focal))
+    return _polish(pose, float(scale), points, query, focal, free_focal=scales is not None)
+
+
+def _sample(points: FloatArray, query: FloatArray, focal: float) -> Pose | None:
+    try:
+        ok, rotation, translation, _ = cv2.solvePnPRansac(
+            points,
+            query,
+            np.eye(3),
+            None,
+            iterationsCount=RANSAC_ITERATIONS,
+            reprojectionError=RANSAC_PX / focal,
+            confidence=0.999,
+            flags=cv2.SOLVEPNP_AP3P,
+        )
+    except cv2.error:  # raised on degenerate points; they hold no pose
+        return None
+    if not ok or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+        return None
+    return Pose(np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(translation, np.float64).ravel())
+
+
+def _reproject(pose: Pose, scale: float, points: FloatArray, query: FloatArray, focal: float) -> tuple[FloatArray, FloatArray]:
+    """Residuals (N, 2) in pixels and camera-space points (N, 3)."""
+    p = pose.transform(points)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (p[:, :2] / p[:, 2:] * scale - query) * focal, p
+
+
+def _cost(pose: Pose, scale: float, points: FloatArray, query: FloatArray, focal: float) -> float:
+    r, p = _reproject(pose, scale, points, query, focal)
+    distance = np.where(p[:, 2] > 0, np.linalg.norm(r, axis=1), CAP_PX)
+    return float(np.minimum(distance, CAP_PX).mean())
+
+
+def _polish(
+    pose: Pose, scale: float, points: FloatArray, query: FloatArray, focal: float, free_focal: bool
+) -> tuple[Pose, float]:
+    """Robust least squares (Geman-McClure weights) over the pose and, if free, the logarithm of the focal length."""
+    count = 7 if free_focal else 6
+    for _ in range(POLISH_STEPS):
+        r, p = _reproject(pose, scale, points, query, focal)
+        front = p[:, 2] > 0
+        r, p = r[front], p[front]
+        if len(r) < MIN_POINTS:
+            break
+        distance = np.linalg.norm(r, axis=1)
+        weight = 1 / (1 + (distance / max(MIN_SIGMA_PX, 1.4826 * float(np.median(distance)))) ** 2) ** 2
+        J = _jacobian(p, scale, focal)[:, :, :count]
+        H = np.einsum("nij,nik,n->jk", J, J, weight) + 1e-12 * np.eye(count)
+        step = -np.linalg.solve(H, np.einsum("nij,ni,n->j", J, r, weight))
+        pose = se3_exp(step[:6]) @ pose
+        if free_focal:
+            scale *= float(np.exp(np.clip(step[6], -0.2, 0.2)))
+        if np.abs(step).max() < 1e-10:
+            break
+    return pose, scale
+
+
+def _jacobian(p: FloatArray, scale: float, focal: float) -> FloatArray:
+    """Derivative (N, 2, 7) of the residuals with respect to xi = (rho, phi), T <- exp(xi) T, and log(scale)."""
+    z = p[:, 2]
+    J = np.zeros((len(p), 2, 7))
+    J[:, 0, 0] = J[:, 1, 1] = 1 / z
+    J[:, 0, 2], J[:, 1, 2] = -p[:, 0] / z**2, -p[:, 1] / z**2
+    J[:, :, 3:6] = -J[:, :, :3] @ hat(p)
+    J[:, :, 6] = p[:, :2] / z[:, None]
+    return J * (focal * scale)
