@@ -21,5 +21,5 @@ class RefineError(GssmcError):
     """A refinement cannot start or go on with what it was given."""
 
 
-class Cancelled(GssmcError):
+class Cancelled(GssmcError):  # noqa: N818 - says what happened; it is no fault
     """The user stopped the work; nothing was changed."""
