@@ -32,9 +32,17 @@ def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orient
     for camera, photo, verdict in zip(outcome.cameras, photos, verdicts, strict=True):
         _add_camera(camera, photo, verdict)
     try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()))
+        _make_photos_relative(path.resolve().parent)
+        bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), relative_remap=False)
     except RuntimeError as error:
         raise GssmcError(f"The scene cannot be saved to '{path}'; check that its folder exists and can be written.") from error
+
+
+def _make_photos_relative(folder: Path) -> None:
+    """So that .blend and photos can be moved together; a photo on another drive keeps its full path."""
+    for image in bpy.data.images:
+        if image.source == "FILE" and image.filepath and not image.packed_file and Path(image.filepath).drive == folder.drive:
+            image.filepath = bpy.path.relpath(image.filepath, start=str(folder))
 
 
 def _verdicts(outcome: Outcome, results: Path | None) -> list[dict[str, Any]]:

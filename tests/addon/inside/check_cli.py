@@ -39,7 +39,9 @@ def test_refine_saves_splat_camera_photo_and_verdict(bpy, main, files):
     scene = bpy.context.scene
     (camera,) = cameras(bpy)
     assert len(scene.gssmc.splat.data.points) == 300
-    assert camera.data.background_images[0].image.name == "a.png"
+    image = camera.data.background_images[0].image
+    assert image.filepath == "//a.png"
+    assert tuple(image.size) == (60, 90)
     assert camera.data.gssmc.verdict == "FAILED"
     assert camera.data.gssmc.reasons.splitlines() == json.loads((files / "result.json").read_text())["reasons"]
     np.testing.assert_allclose(camera.matrix_world.translation, (0, 0, -6), atol=1e-5)
