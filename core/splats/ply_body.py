@@ -51,9 +51,10 @@ def skip_elements_before_vertex(file: IO[bytes], header: PlyHeader) -> None:
         elif element.has_lists:
             _skip_lists(file, header.byte_order, element)
         else:
-            file.seek(_row_type(header, element).itemsize * element.count, os.SEEK_CUR)
-            if file.tell() > os.fstat(file.fileno()).st_size:
+            size = _row_type(header, element).itemsize * element.count
+            if file.tell() + size > os.fstat(file.fileno()).st_size:
                 raise _ends_in(element)
+            file.seek(size, os.SEEK_CUR)
 
 
 def _ends_in(element: PlyElement) -> SplatFormatError:
