@@ -63,7 +63,7 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
 def _draw_progress(layout: bpy.types.UILayout, job: jobs.RefineJob) -> None:
     now = job.progress
     column = layout.column(align=True)
-    column.progress(factor=now.fraction, text=f"{now.step}")
+    column.progress(factor=now.fraction, text=now.step[:1].upper() + now.step[1:])
     column.label(text=f"Iteration {max(now.iteration, 1)} of {now.iterations}")
     column.operator("gssmc.cancel", icon="X")
 
