@@ -3,7 +3,8 @@
 python benchmarks/read_ply.py [--gaussians 1000000] [--rounds 3]
 
 Compares core.splats with plyfile's bare read of the same file (no activation, no checks) in the same run; the page cache is
-warm for both. Peak is the most that the whole process held (ru_maxrss: interpreter, numpy and OpenCV included), against the file's size.
+warm for both. Peak is the most that the whole process held (ru_maxrss: interpreter, numpy and OpenCV included), against the
+file's size.
 """
 
 from __future__ import annotations
@@ -70,6 +71,7 @@ def main() -> None:
     parser.add_argument("--gaussians", type=int, default=1_000_000)
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()
+    print(f"Aims for the binary file: 2 s, peak 3x the file. This machine: {os.cpu_count()} cores; readers use one thread.\n")
     print("| file | MB | reader | s, median | s, least | peak / file | time / plyfile |\n|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for form, count in (("binary", options.gaussians), ("ascii", max(1, options.gaussians // 20))):
