@@ -84,7 +84,7 @@ def check_size(photo: Photo, intrinsics: Intrinsics) -> Intrinsics:
     slack = max(1.0, pw / cw, ph / ch)  # one pixel of the larger image's grid
     if max((pw - slack) / cw, (ph - slack) / ch) <= min((pw + slack) / cw, (ph + slack) / ch):
         return intrinsics.resized(pw, ph)
-    turned = " turned by 90 degrees" if (pw > ph) != (cw > ch) else ""
+    turned = " turned by 90 degrees" if (pw - ph) * (cw - ch) < 0 else ""
     name = Path(photo.file).name or "the photo"
     raise PhotoError(
         f"'{name}' has {pw} x {ph} pixels but its camera {cw} x {ch}, which is another shape{turned}; "
