@@ -36,11 +36,11 @@ def centre_in_file(camera, splat):
     return np.array(splat.matrix_world.inverted() @ camera.matrix_world.translation)
 
 
-@pytest.mark.parametrize(("name", "scale"), [("0046.jpg", 1.0), ("0009.jpg", 2.5)])
-def test_fox_photo_comes_home(bpy, tmp_path, name, scale):
+@pytest.mark.parametrize("name", ["0009.jpg"])
+def test_fox_photo_comes_home(bpy, tmp_path, name):
     bpy.ops.gssmc.import_splats(filepath=str(FOX / "scene.ply"))
     splat = bpy.context.scene.gssmc.splat
-    splat.location, splat.rotation_euler, splat.scale = (1, 2, 3), (0.3, -0.2, 1.0), (scale,) * 3
+    splat.location, splat.rotation_euler, splat.scale = (1, 2, 3), (0.3, -0.2, 1.0), (2.5,) * 3
     start, centre, r = start_and_truth(tmp_path, name)
     bpy.ops.gssmc.add_photo(filepath=str(FOX / "queries" / name), camera_file=str(start))
     assert bpy.ops.gssmc.refine() == {"FINISHED"}

@@ -12,12 +12,11 @@ def sample(tmp_path_factory):
     return write_sample(tmp_path_factory.mktemp("sample"))
 
 
-@pytest.mark.parametrize("scale", [1.0, 3.0])
-def test_the_camera_comes_home(bpy, sample, scale):
+def test_the_camera_comes_home(bpy, sample):
     bpy.ops.gssmc.import_splats(filepath=str(sample.scene))
     scene = bpy.context.scene
     splat = scene.gssmc.splat
-    splat.location, splat.rotation_euler, splat.scale = (2, -1, 0.5), (0.2, -0.3, 0.9), (scale,) * 3
+    splat.location, splat.rotation_euler, splat.scale = (2, -1, 0.5), (0.2, -0.3, 0.9), (3.0,) * 3
     bpy.ops.gssmc.add_photo(filepath=str(sample.photo), camera_file=str(sample.start))
     camera = scene.camera
     start = camera.matrix_world.copy()
