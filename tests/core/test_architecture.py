@@ -1,0 +1,97 @@
+"""The house rules that a reader cannot be asked to check by eye: who imports whom, and who may print."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+REPO = Path(__file__).parents[2]
+BLENDER = {"bpy", "bpy_extras", "bmesh", "gpu", "gpu_extras", "mathutils", "bl_ui", "addon_utils", "blf", "aud", "idprop"}
+ALLOWED = {"numpy", "cv2", "scipy", "plyfile"}  # what the extension's wheels and Blender itself bring
+CORE = sorted((REPO / "core").rglob("*.py"))
+BLENDER_SIDE = sorted([*(REPO / "gssmc_addon").rglob("*.py"), *(REPO / "operators").rglob("*.py"), REPO / "__init__.py"])
+
+
+def name(path):
+    return path.relative_to(REPO).as_posix()
+
+
+def imports(path):
+    """(level, dotted module, names) of every import statement, wherever it stands in the file."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((0, alias.name, []) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.level, node.module or "", [alias.name for alias in node.names]
+
+
+def reached(path, level, module, names):
+    """Folders below the repository that a relative import leads to, such as {"core/pose"}."""
+    base = path.parent
+    for _ in range(level - 1):
+        base = base.parent
+    target = base.joinpath(*module.split(".")) if module else base
+    return {target} if module else {target / n for n in names}
+
+
+def test_the_walk_finds_the_engine():
+    assert len(CORE) > 30
+    assert len(BLENDER_SIDE) > 10
+
+
+@pytest.mark.parametrize("path", CORE, ids=name)
+def test_core_imports_the_engine_and_its_libraries_alone(path):
+    import sys
+
+    for level, module, names in imports(path):
+        if level:
+            for target in reached(path, level, module, names):
+                assert target.is_relative_to(REPO / "core"), f"{name(path)} reaches {target}"
+        else:
+            top = module.split(".")[0]
+            assert top not in BLENDER, f"{name(path)} imports {module}"
+            assert top in ALLOWED | set(sys.stdlib_module_names), f"{name(path)} imports {module}"
+
+
+@pytest.mark.parametrize("path", CORE, ids=name)
+def test_core_loads_nothing_of_blender_by_name(path):
+    """importlib and __import__ take strings, which an import statement's walk does not see."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("__import__", "importlib.import_module", "import_module"):
+            assert not any(isinstance(a, ast.Constant) and str(a.value).split(".")[0] in BLENDER for a in node.args)
+
+
+@pytest.mark.parametrize("path", CORE, ids=name)
+def test_only_the_command_line_prints(path):
+    if path == REPO / "core" / "cli.py" or path.parent == REPO / "core" / "commands":
+        return
+    calls = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
+    assert not [c.lineno for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"]
+
+
+@pytest.mark.parametrize("path", BLENDER_SIDE, ids=name)
+def test_the_blender_side_imports_relatively(path):
+    """Inside Blender the packages have other names, so an absolute import of our own would find nothing, or another's."""
+    own = {"core", "gssmc_addon", "operators"}
+    assert not [module for level, module, _ in imports(path) if level == 0 and module.split(".")[0] in own]
+
+
+@pytest.mark.parametrize("path", [p for p in BLENDER_SIDE if p.parent.name == "gssmc_addon"], ids=name)
+def test_the_addon_does_not_know_the_operators(path):
+    if path.name == "__init__.py":  # registers them
+        return
+    for level, module, names in imports(path):
+        if level:
+            for target in reached(path, level, module, names):
+                assert not target.is_relative_to(REPO / "operators"), f"{name(path)} reaches {target}"
+
+
+@pytest.mark.parametrize("path", [*CORE, *BLENDER_SIDE], ids=name)
+def test_modules_stay_under_300_lines_and_functions_under_40(path):
+    text = path.read_text(encoding="utf-8")
+    assert text.count("\n") < 300
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef):
+            body = node.body[1:] if ast.get_docstring(node) else node.body
+            lines = (node.end_lineno or 0) - body[0].lineno + 1 if body else 0
+            assert lines <= 40, f"{name(path)}:{node.lineno} {node.name} has {lines} lines"
