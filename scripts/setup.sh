@@ -3,6 +3,7 @@
 # Needs: bash, Python 3.13 (or uv, which brings one), and the system libraries that Blender's own module links to.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
+export UV_SYSTEM_CERTS="${UV_SYSTEM_CERTS:-1}"  # the machine's own certificates: many networks have one of their own
 
 find_uv() {
   # `uv --version` and not `command -v`: a version manager's shim may exist and still refuse to run.
