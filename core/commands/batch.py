@@ -46,7 +46,6 @@ def run(args: argparse.Namespace) -> Outcome:
     resumed = store.resume()
     if resumed:
         print(f"{resumed} of {len(cameras)} photos were finished before and are kept.", file=sys.stderr)
-    store.save()  # a place that cannot be written to should be known before hours of work
     _work(args, cameras, photos, settings, store)
     verdicts = Counter(record["verdict"] for record in store.records.values())
     print(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
@@ -63,18 +62,26 @@ def _work(
         if i not in store.records
     ]
     first = {"scene": str(args.scene.resolve()), "settings": {**asdict(settings), "threads": 1}}
-    dropped: list[int] = []
+    dropped = 0
     lost = lambda i, words: error_to_dict(cameras[i], f"The worker process ended on this photo ({words}).")  # noqa: E731
     with Pool(first, args.workers) as pool, ProgressBar("Refining") as bar:
-        if jobs:
-            bar.show(len(store.records) / len(cameras), f"{len(store.records)} of {len(cameras)}")
-        for index, record in pool.run(jobs, lost, dropped.append):
+
+        def show() -> None:
+            failed = sum(record["verdict"] == "failed" for record in store.records.values())
+            bar.show(len(store.records) / len(cameras), f"{len(store.records)} of {len(cameras)}, {failed} failed")
+
+        def started(left_out: int) -> None:
+            nonlocal dropped
+            dropped = left_out
+            store.save()  # a place that cannot be written to should be known before hours of work
+            show()
+
+        for index, record in pool.run(jobs, lost, started):
             store.put(index, record)
-            counts = Counter(r["verdict"] for r in store.records.values())
-            text = f"{len(store.records)} of {len(cameras)}, {counts['failed']} failed"
-            bar.show(len(store.records) / len(cameras), text)
-    if any(dropped):
-        print(f"Left out {max(dropped)} Gaussians of the scan whose values are NaN or infinite.", file=sys.stderr)
+            show()
+    store.save()
+    if dropped:
+        print(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.", file=sys.stderr)
 
 
 def _photo_files(cameras: list[Camera], queries: Path) -> list[Path]:

@@ -77,9 +77,13 @@ class Worker:
         return f"exit code {code}" + (f", {lines[-1].strip()[:200].rstrip('.')}" if lines and code > 0 else "")
 
     def kill(self) -> None:
+        """End the process. The thread that waits for its answer hears of it as of any death; it alone may `close`."""
         if self._process.poll() is None:
             self._process.kill()
         self._process.wait()
+
+    def close(self) -> None:
+        self.kill()
         for pipe in (self._process.stdin, self._process.stdout, self._said):
             with contextlib.suppress(OSError):  # the unsent rest of a dead worker's job
                 pipe.close()  # type: ignore[union-attr]
@@ -92,6 +96,7 @@ class Pool:
         self._first = first
         self._workers = workers
         self._alive: set[Worker] = set()
+        self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
         self._stop = threading.Event()
 
@@ -104,6 +109,8 @@ class Pool:
             alive = list(self._alive)
         for worker in alive:
             worker.kill()
+        for thread in self._threads:
+            thread.join()
 
     def run(
         self, jobs: Sequence[tuple[int, Record]], lost: Callable[[int, str], Record], started: Callable[[int], None]
@@ -117,7 +124,8 @@ class Pool:
         for job in jobs:
             todo.put(job)
         for _ in range(min(self._workers, len(jobs))):
-            threading.Thread(target=self._serve, args=(todo, done, lost), daemon=True).start()
+            self._threads.append(threading.Thread(target=self._serve, args=(todo, done, lost), daemon=True))
+            self._threads[-1].start()
         count = 0
         while count < len(jobs):
             try:
@@ -170,4 +178,4 @@ class Pool:
     def _end(self, worker: Worker) -> None:
         with self._lock:
             self._alive.discard(worker)
-        worker.kill()
+        worker.close()

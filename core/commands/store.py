@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from pathlib import Path
@@ -12,6 +13,8 @@ from ..errors import GssmcError
 
 Record = dict[str, Any]
 
+HEAD = '{"frames": [\n'  # a record per line follows, so that a file cut short still gives up its whole lines
+
 
 class ResultsError(GssmcError):
     """The results file cannot be used."""
@@ -20,6 +23,24 @@ class ResultsError(GssmcError):
 def job_key(*parts: Any) -> str:
     """A short digest of everything that an answer depends on; equal keys mean that it need not be found again."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _frames(text: str) -> list[Record]:
+    """The records of a results file; of one that was cut short (a full disk, a broken copy), those that are whole.
+
+    Raises ValueError, KeyError or TypeError when the text is something else.
+    """
+    try:
+        frames: list[Record] = json.loads(text)["frames"]
+        return frames
+    except json.JSONDecodeError:
+        if not text.startswith(HEAD):
+            raise
+    whole: list[Record] = []
+    for line in text[len(HEAD) :].splitlines():
+        with contextlib.suppress(json.JSONDecodeError):
+            whole.append(json.loads(line.rstrip(",")))
+    return whole
 
 
 class ResultStore:
@@ -34,13 +55,13 @@ class ResultStore:
     def resume(self) -> int:
         """Take over what an earlier run finished for the same queries and options; returns how many.
 
-        Photos that could not be tried at all (records with "error") are tried again. Raises ResultsError when the file is
-        something else, rather than overwrite it.
+        Photos that could not be tried at all (records with "error") are tried again. A file cut short gives what is
+        whole in it. Raises ResultsError when the file is something else, rather than overwrite it.
         """
         if not self._path.exists():
             return 0
         try:
-            frames = json.loads(self._path.read_text(encoding="utf-8"))["frames"]
+            frames = _frames(self._path.read_text(encoding="utf-8", errors="replace"))
             usable = {frame["key"]: frame for frame in frames if frame["verdict"] and "error" not in frame}
         except (ValueError, KeyError, TypeError):
             raise ResultsError(f"'{self._path}' exists and is no results file of a batch; give another --out.") from None
@@ -56,7 +77,7 @@ class ResultStore:
 
     def save(self) -> None:
         with atomic_write(self._path) as file:
-            file.write('{"frames": [\n')
+            file.write(HEAD)
             file.write(",\n".join(self._texts[index] for index in sorted(self._texts)))
             file.write("\n]}\n")
 
