@@ -1,0 +1,206 @@
+"""Batches survive what happens to long work: bad photos, dying workers, Ctrl-C, a second run."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_place import FAST, Place, hurt_readers
+
+from core.atomic import atomic_write
+from core.camera import pose_error
+from core.camera_files import camera_from_dict
+from core.cli import main
+from core.commands.store import ResultStore, job_key
+
+PATIENCE_S = 120
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    return Place(tmp_path_factory.mktemp("place"))
+
+
+def queries(place, *files):
+    """A queries file: camera k starts for files[k], which need not exist."""
+    starts = [replace(place.starts[i % len(place.starts)], file=name) for i, name in enumerate(files)]
+    return place.json(place.folder / f"queries_{len(files)}.json", starts)
+
+
+def batch(place, file, out, *more):
+    return main(["batch", str(place.scene), file, "--out", str(out), "--workers", "2", *FAST, *more])
+
+
+def frames(out):
+    return json.loads(Path(out).read_text())["frames"]
+
+
+def alive(pid):
+    """Whether a process runs; one that ended and waits to be collected does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def test_results_in_order_one_bad_photo_alone_and_a_second_run_that_resumes(place, tmp_path, capsys, monkeypatch):
+    (place.folder / "broken.jpg").write_text("no photo")
+    file = queries(place, "photo_0.png", "broken.jpg", "photo_2.png", "missing.png", "photo_1.png")
+    cameras = [place.starts[0], None, place.starts[2], None, place.starts[4 % 3]]
+    out = tmp_path / "deep" / "results.json"
+    assert batch(place, file, out) == 3
+    first = frames(out)
+    assert [f["file"] for f in first] == ["photo_0.png", "broken.jpg", "photo_2.png", "missing.png", "photo_1.png"]
+    assert "1 failed" not in capsys.readouterr().out.split(";")[0]  # two of them
+    for k, words in ((1, "cannot be decoded"), (3, "There is no photo at")):
+        assert first[k]["verdict"] == "failed"
+        assert words in first[k]["reasons"][0]
+        np.testing.assert_allclose(first[k]["t"], place.starts[k % 3].pose.t)
+    for k in (0, 2):
+        assert first[k]["verdict"] != "failed"
+        truth = place.truths[k].pose
+        assert pose_error(camera_from_dict(first[k]).pose, truth)[0] < 0.3 * pose_error(cameras[k].pose, truth)[0]
+
+    (place.folder / "broken.jpg").write_bytes((place.folder / "photo_1.png").read_bytes())  # the user mends one photo
+    hurt_readers(tmp_path / "hook", monkeypatch)  # counts the workers of the second run
+    assert batch(place, file, out) == 3
+    second = frames(out)
+    assert "3 of 5 photos were finished before" in capsys.readouterr().err
+    assert [second[k] for k in (0, 2, 4)] == [first[k] for k in (0, 2, 4)]  # to the last digit, seconds included
+    assert second[1]["verdict"] != "failed"
+    assert second[3] == first[3]
+
+
+def test_a_finished_batch_starts_no_worker(place, tmp_path, monkeypatch):
+    file, out = queries(place, "photo_0.png", "photo_1.png"), tmp_path / "r.json"
+    assert batch(place, file, out) == 0
+    before = out.read_text()
+    hurt_readers(tmp_path / "hook", monkeypatch)
+    assert batch(place, file, out) == 0
+    assert out.read_text() == before
+    assert not list((tmp_path / "hook").glob("*.pid"))
+    assert batch(place, file, out, "--seed", "5") == 0  # other options: everything anew
+    assert list((tmp_path / "hook").glob("*.pid"))
+
+
+def test_a_worker_that_dies_costs_one_photo(place, tmp_path, monkeypatch):
+    hurt_readers(tmp_path / "hook", monkeypatch)
+    (place.folder / "killer.png").write_bytes((place.folder / "photo_1.png").read_bytes())
+    file = queries(place, "photo_0.png", "killer.png", "photo_2.png")
+    assert batch(place, file, tmp_path / "r.json", "--workers", "1") == 3
+    records = frames(tmp_path / "r.json")
+    assert [r["verdict"] == "failed" for r in records] == [False, True, False]
+    assert "worker process ended on this photo" in records[1]["reasons"][0]
+    pids = [int(p.stem) for p in (tmp_path / "hook").glob("*.pid")]
+    assert len(pids) == 2  # the dead one was replaced
+    assert not any(alive(pid) for pid in pids)
+
+
+def test_workers_agree_with_a_single_refinement(place, tmp_path):
+    file, cam = queries(place, "photo_0.png"), place.json(tmp_path / "cam.json", place.starts[:1])
+    assert batch(place, file, tmp_path / "r.json") == 0
+    alone = [
+        "refine",
+        str(place.scene),
+        str(place.folder / "photo_0.png"),
+        "--camera",
+        cam,
+        "--out",
+        str(tmp_path / "one.json"),
+    ]
+    assert main([*alone, *FAST, "--threads", "1"]) == 0
+    a, b = frames(tmp_path / "r.json")[0], json.loads((tmp_path / "one.json").read_text())
+    np.testing.assert_allclose(a["t"], b["t"], atol=1e-6)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is a signal to the process group here")
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_interruption_loses_nothing_that_was_finished(place, tmp_path, monkeypatch, end):
+    hook = tmp_path / "hook"
+    hurt_readers(hook, monkeypatch)
+    (hook / "hang").touch()
+    (place.folder / "slow.png").write_bytes((place.folder / "photo_1.png").read_bytes())
+    file, out = queries(place, "photo_0.png", "slow.png", "photo_2.png"), tmp_path / "r.json"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "core", "batch", str(place.scene), file, "--out", str(out), "--workers", "2", *FAST],
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, "PYTHONPATH": str(hook)},
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    give_up = time.monotonic() + PATIENCE_S
+    while not (out.exists() and len(frames(out)) == 2):  # never half a file, at whatever moment it is looked at
+        assert process.poll() is None and time.monotonic() < give_up
+        time.sleep(0.01)
+    finished = frames(out)
+    if end == signal.SIGINT:
+        os.killpg(process.pid, end)  # as a terminal does it: to the whole group
+    else:
+        process.kill()
+    error = process.communicate(timeout=PATIENCE_S)[1]
+    assert process.returncode == (130 if end == signal.SIGINT else -signal.SIGKILL)
+    assert "Traceback" not in error
+    (hook / "hang").unlink()
+    while any(alive(int(p.stem)) for p in hook.glob("*.pid")):  # also after a kill: workers end with their input
+        assert time.monotonic() < give_up
+        time.sleep(0.05)
+    assert frames(out) == finished
+    assert batch(place, file, out) == 0
+    again = frames(out)
+    assert [again[0], again[2]] == finished
+    assert again[1]["file"] == "slow.png"
+    assert not [p for p in tmp_path.iterdir() if p.suffix == ".part"]
+
+
+def test_scene_that_breaks_in_the_worker_is_one_sentence(place, tmp_path, capsys):
+    cut = tmp_path / "cut.ply"
+    cut.write_bytes(place.scene.read_bytes()[:-1000])
+    assert main(["batch", str(cut), queries(place, "photo_0.png"), "--out", str(tmp_path / "r.json")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "The file is cut off" in error
+    assert not (tmp_path / "r.json").exists()
+
+
+def test_query_without_a_photo_is_named(place, tmp_path, capsys):
+    assert main(["batch", str(place.scene), queries(place, "photo_0.png", ""), "--out", str(tmp_path / "r.json")]) == 2
+    assert "Camera 2 of" in capsys.readouterr().err
+
+
+# ---- the store and the file under it
+
+
+def test_store_keeps_order_whatever_the_order_of_arrival(tmp_path):
+    store = ResultStore(tmp_path / "r.json", ["a", "b", "c"])
+    for index in (2, 0, 1):
+        store.put(index, {"verdict": "check", "n": index})
+        assert [f["n"] for f in frames(tmp_path / "r.json")] == sorted(f["n"] for f in frames(tmp_path / "r.json"))
+    again = ResultStore(tmp_path / "r.json", ["c", "x", "a"])
+    assert again.resume() == 2
+    assert {i: r["n"] for i, r in again.records.items()} == {0: 2, 2: 0}
+
+
+def test_key_changes_with_everything_it_is_made_of():
+    assert job_key("s", 1, {"a": 1, "b": 2}) == job_key("s", 1, {"b": 2, "a": 1})
+    assert len({job_key("s", 1, {}), job_key("s", 2, {}), job_key("t", 1, {}), job_key("s", 1, {"a": 0})}) == 4
+
+
+def test_atomic_write_leaves_the_old_file_when_the_new_one_fails(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), atomic_write(path) as file:
+        file.write("half of the new")
+        raise RuntimeError("the power went")
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+    with atomic_write(path) as file:
+        file.write("new")
+        assert path.read_text() == "old"
+    assert path.read_text() == "new"
