@@ -48,7 +48,8 @@ def refinement(inputs: RefineInputs) -> Generator[RefineProgress, None, RefineRe
     photo: Photo = inputs.photo.read()
     camera = inputs.camera.at_size(photo.width, photo.height)
     yield RefineProgress(0, inputs.settings.iterations, "Preparing the splat", 0.0)
-    renderer = Renderer(inputs.splat.assemble(), RenderSettings(threads=1))  # the refinement draws its views side by side
+    scene = inputs.splat.assemble()
+    renderer = Renderer(scene, RenderSettings.for_scene(scene, threads=1))  # the refinement draws its views side by side
     return (yield from iterate_refinement(renderer, photo, camera, inputs.settings))
 
 

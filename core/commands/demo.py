@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> Outcome:
     sample = write_sample(args.out)
     scene, photo = read_splats(sample.scene), read_photo(sample.photo)
     start = replace(read_cameras(sample.start)[0], file=str(sample.photo))
-    renderer = Renderer(scene, RenderSettings(threads=1))
+    renderer = Renderer(scene, RenderSettings.for_scene(scene, threads=1))
     with ProgressBar("Refining") as bar:
         report = refine_photo(renderer, photo, start, settings_from(args), lambda p: bar.show(p.fraction, p.step))
         bar.show(1.0, report.verdict)

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> Outcome:
     camera = replace(pick_camera(args.camera, args.photo), file=str(args.photo))
     scene = read_splats(args.scene)
     say_dropped(scene)
-    renderer = Renderer(scene, RenderSettings(threads=1))  # the refinement draws its views side by side
+    renderer = Renderer(scene, RenderSettings.for_scene(scene, threads=1))  # the refinement draws its views side by side
     with ProgressBar("Refining") as bar:
         report = refine_photo(renderer, photo, camera, settings, lambda p: bar.show(p.fraction, p.step))
         bar.show(1.0, report.verdict)

@@ -37,7 +37,7 @@ def main() -> int:
     except GssmcError as error:
         _answer(answers, {"error": str(error)})
         return 0
-    renderer, settings = Renderer(scene, RenderSettings(threads=1)), RefineSettings(**first["settings"])
+    renderer, settings = Renderer(scene, RenderSettings.for_scene(scene, threads=1)), RefineSettings(**first["settings"])
     _answer(answers, {"dropped": scene.dropped})
     del scene
     for line in sys.stdin:

@@ -7,15 +7,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..splats.scene import GaussianScene
+
 Float32Array = NDArray[np.float32]
+
+INRIA_NEAR = 0.2  # scene units
+NEAR_RATIO = 0.15  # of the median distance of the Gaussians from their middle
 
 
 @dataclass(frozen=True)
 class RenderSettings:
     """How to render. `near` is the near plane in scene units (0.2 in INRIA's code); `threads` 0 means all cores."""
 
-    near: float = 0.2
+    near: float = INRIA_NEAR
     threads: int = 0
+
+    @classmethod
+    def for_scene(cls, scene: GaussianScene, threads: int = 0) -> RenderSettings:
+        """INRIA's near plane, or a nearer one where the scan is so small that it would cut into it."""
+        radius = np.linalg.norm(scene.means - np.median(scene.means, axis=0), axis=1)
+        return cls(min(INRIA_NEAR, NEAR_RATIO * float(np.median(radius))) or INRIA_NEAR, threads)
 
 
 @dataclass(frozen=True)
