@@ -71,6 +71,7 @@ class Scratch:
         self.coefficients = np.zeros((6, pairs), np.float32)
         self.work = np.empty((3, pairs), np.float32)
         self.weights = np.empty((pairs, PIXELS), np.float32)
+        self.transmittance = np.empty((pairs + self.pairs) * PIXELS, np.float32)
         self.basis = pixel_basis()
 
 
@@ -96,7 +97,7 @@ def blend_band(
         g = _gather_index(lists.splats, position, remaining, depth, len(table) - 1)
         rows = _coefficients(table, g, centre, z0, scratch)
         weights = _alpha(g.shape, scratch)
-        _composite(weights, transmittance)
+        _composite(weights, transmittance, scratch)
         sums += np.matmul(rows.transpose(1, 2, 0)[:, FEATURES:, :], weights.transpose(1, 0, 2))
         position += depth
         remaining -= depth
@@ -168,19 +169,23 @@ def _alpha(shape: tuple[int, ...], scratch: Scratch) -> Float32Array:
     return flat.reshape(*shape, PIXELS)
 
 
-def _composite(weights: Float32Array, transmittance: Float32Array) -> None:
-    """Alphas (depth, tiles, PIXELS) to blending weights, in place; pixels that end get transmittance 0."""
-    before = transmittance > 0
-    row = transmittance.reshape(1, -1)
-    for level in weights:
-        np.multiply(level, transmittance, out=level)
-        np.subtract(transmittance, level, out=transmittance)
-        cv2.threshold(row, c.TRANSMITTANCE_MIN, 0, cv2.THRESH_TOZERO, row)
-    before &= transmittance == 0
-    ended = np.flatnonzero(before)
+def _composite(weights: Float32Array, transmittance: Float32Array, scratch: Scratch) -> None:
+    """Alphas (depth, tiles, PIXELS) to blending weights, in place; pixels that end get transmittance 0.
+
+    One small call per level, the rest in bulk: two threads that call often spend their time passing the interpreter lock.
+    """
+    depth = len(weights)
+    before = scratch.transmittance[: (depth + 1) * transmittance.size].reshape(depth + 1, *transmittance.shape)
+    np.subtract(np.float32(1), weights, out=weights)
+    before[0] = transmittance
+    for d, level in enumerate(weights):
+        np.multiply(before[d], level, out=before[d + 1])
+    after = before[1:].reshape(1, -1)
+    cv2.threshold(after, c.TRANSMITTANCE_MIN, 0, cv2.THRESH_TOZERO, after)
+    np.subtract(before[:-1], before[1:], out=weights)
+    ended = np.flatnonzero((before[-1] == 0) & (transmittance > 0))
     if len(ended):
-        # the Gaussian that would have taken a pixel below the limit is the last that it saw; it must not count
-        flat = weights.reshape(len(weights), -1)
-        seen = flat.take(ended, axis=1) > 0
-        last = len(flat) - 1 - seen[::-1].argmax(axis=0)
-        flat[last, ended] = 0
+        # the Gaussian that would take a pixel below the limit does not count
+        first = before[1:].reshape(depth, -1).take(ended, axis=1).argmin(axis=0)
+        weights.reshape(depth, -1)[first, ended] = 0
+    transmittance[:] = before[-1]
