@@ -7,12 +7,12 @@ stderr.
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 
 from .commands import batch, demo, refine, render
 from .commands.flags import OneLineParser, UsageError
 from .commands.outcome import BAD_INPUT, INTERRUPTED, Outcome
+from .console import note
 from .errors import GssmcError
 
 COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo}
@@ -60,10 +60,10 @@ def main(
             f"The file{where} cannot be used ({error.strerror or error}); check the path, its permissions and the disk."
         )
     except KeyboardInterrupt:
-        print("Interrupted; what was finished is saved.", file=sys.stderr)
+        note("Interrupted; what was finished is saved.")
         return INTERRUPTED
 
 
 def _complain(sentence: str) -> int:
-    print(" ".join(sentence.split()), file=sys.stderr)
+    note(" ".join(sentence.split()))
     return BAD_INPUT

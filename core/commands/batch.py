@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
 from ..camera import Camera
 from ..camera_files import camera_from_dict, camera_to_dict, read_cameras
+from ..console import note, say
 from ..errors import SplatFormatError
 from ..pose.settings import RefineSettings
 from ..results import error_to_dict
@@ -45,10 +45,10 @@ def run(args: argparse.Namespace) -> Outcome:
     store = ResultStore(args.out, _keys(args.scene, cameras, photos, settings))
     resumed = store.resume()
     if resumed:
-        print(f"{resumed} of {len(cameras)} photos were finished before and are kept.", file=sys.stderr)
+        note(f"{resumed} of {len(cameras)} photos were finished before and are kept.")
     _work(args, cameras, photos, settings, store)
     verdicts = Counter(record["verdict"] for record in store.records.values())
-    print(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
+    say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
     results = tuple(camera_from_dict(store.records[i]) for i in range(len(cameras)))
     return Outcome(FAILED_VERDICT if verdicts["failed"] else OK, args.scene, results, tuple(photos))
 
@@ -81,7 +81,7 @@ def _work(
             show()
     store.save()
     if dropped:
-        print(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.", file=sys.stderr)
+        note(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.")
 
 
 def _photo_files(cameras: list[Camera], queries: Path) -> list[Path]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..camera import Camera, pose_error
 from ..camera_files import read_cameras
+from ..console import say
 from ..photo import read_photo
 from ..pictures import before_after, save_png
 from ..pose.report import RefineReport
@@ -39,8 +40,8 @@ def run(args: argparse.Namespace) -> Outcome:
         bar.show(1.0, report.verdict)
     (args.out / "result.json").write_text(json.dumps(report_to_dict(report), indent=1) + "\n")
     save_png(str(args.out / "before_after.png"), before_after(renderer, photo, start, report.camera))
-    print(f"{len(scene)} Gaussians, photo {photo.width} x {photo.height}; files are in {args.out}")
-    print(errors(sample, start, report))
+    say(f"{len(scene)} Gaussians, photo {photo.width} x {photo.height}; files are in {args.out}")
+    say(errors(sample, start, report))
     return Outcome(
         FAILED_VERDICT if report.verdict == "failed" else OK, sample.scene, (report.camera,), (sample.photo,), (report,)
     )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-
+from ..console import note
 from ..splats import GaussianScene
 
 
@@ -11,4 +10,4 @@ def say_dropped(scene: GaussianScene) -> None:
     """Tell how many Gaussians of the file were left out, when any were."""
     if scene.dropped:
         total = scene.dropped + len(scene)
-        print(f"Left out {scene.dropped} of {total} Gaussians whose values are NaN or infinite.", file=sys.stderr)
+        note(f"Left out {scene.dropped} of {total} Gaussians whose values are NaN or infinite.")

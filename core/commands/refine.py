@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 from ..atomic import atomic_write
 from ..camera import Camera
 from ..camera_files import read_cameras
+from ..console import note, say
 from ..errors import CameraError
 from ..photo import read_photo
 from ..pose.report import RefineReport
@@ -37,8 +37,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args)
     photo = read_photo(args.photo)
-    for note in photo.notes:
-        print(note, file=sys.stderr)
+    for remark in photo.notes:
+        note(remark)
     camera = replace(pick_camera(args.camera, args.photo), file=str(args.photo))
     scene = read_splats(args.scene)
     say_dropped(scene)
@@ -48,11 +48,11 @@ def run(args: argparse.Namespace) -> Outcome:
         bar.show(1.0, report.verdict)
     text = json.dumps(report_to_dict(report), indent=1)
     if args.out is None:
-        print(text)
+        say(text)
     else:
         with atomic_write(args.out) as file:
             file.write(text + "\n")
-        print(summary(report))
+        say(summary(report))
     code = FAILED_VERDICT if report.verdict == "failed" else OK
     return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,))
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..atomic import atomic_write
 from ..camera import Camera
 from ..camera_files import read_cameras
+from ..console import say
 from ..render import RenderedView, Renderer, RenderSettings
 from ..splats import read_splats
 from .notes import say_dropped
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace) -> Outcome:
         milliseconds += _time(renderer, camera, args.repeat)
     if milliseconds:
         median = round(statistics.median(milliseconds), 3)
-        print(json.dumps({"median_ms": median, "frames": len(cameras), "repeat": args.repeat, "gaussians": len(scene)}))
+        say(json.dumps({"median_ms": median, "frames": len(cameras), "repeat": args.repeat, "gaussians": len(scene)}))
     return Outcome(OK, args.scene, tuple(cameras))
 
 
