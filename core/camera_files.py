@@ -39,7 +39,7 @@ def load_json(path: Path) -> Any:
         raise CameraError(f"There is no camera file at '{path}'; check the path.") from None
     except OSError as error:
         raise CameraError(f"The camera file '{path}' cannot be read ({error.strerror}); check the path.") from error
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # no JSON, no UTF-8, or a number of thousands of digits
         where = f" (line {error.lineno}: {error.msg})" if isinstance(error, json.JSONDecodeError) else ""
         raise CameraError(f"The camera file '{path.name}' is no valid JSON{where}; correct it or export it again.") from None
 

@@ -88,10 +88,14 @@ def _gaussian_element(header: PlyHeader) -> PlyElement:
 
 def _columns(vertex: PlyElement) -> list[str]:
     """Property names in the order that SceneBuilder takes."""
-    rest = sorted(int(p.name[7:]) for p in vertex.properties if p.name.startswith("f_rest_") and p.name[7:].isdecimal())
-    if len(rest) not in REST_COUNTS or rest != list(range(len(rest))):
+    rest = {p.name for p in vertex.properties if p.name.startswith("f_rest_") and p.name[7:].isdecimal()}
+    if len(rest) not in REST_COUNTS:
         raise SplatFormatError(
             f"The splat .ply has {len(rest)} f_rest values per Gaussian; 0, 9, 24 or 45 (SH degree 0 to 3) are needed."
+        )
+    if rest != {f"f_rest_{i}" for i in range(len(rest))}:
+        raise SplatFormatError(
+            f"The splat .ply has {len(rest)} f_rest values that are not numbered 0 to {len(rest) - 1}; export the scan again."
         )
     per_channel = len(rest) // 3  # f_rest is channel-major: all of R, then G, then B
     names = list(GEOMETRY)

@@ -8,6 +8,8 @@ from typing import IO
 from ..errors import SplatFormatError
 
 MAX_HEADER_BYTES = 1 << 20
+QUOTED_CHARACTERS = 60
+MAX_COUNT_DIGITS = 18  # a longer count is no count, and does not fit what files and iterators are measured in
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -92,8 +94,8 @@ def _elements(lines: list[list[str]]) -> tuple[PlyElement, ...]:
     found: list[tuple[str, int, list[PlyProperty]]] = []
     for words in lines:
         if words[0] == "element":
-            if len(words) != 3 or not words[2].isdecimal():
-                raise SplatFormatError(f"The PLY header line '{' '.join(words)}' is not 'element NAME COUNT'; export it again.")
+            if len(words) != 3 or not words[2].isdecimal() or len(words[2]) > MAX_COUNT_DIGITS:
+                raise SplatFormatError(f"The PLY header line '{_quoted(words)}' is not 'element NAME COUNT'; export it again.")
             found.append((words[1], int(words[2]), []))
         elif words[0] == "property":
             if not found:
@@ -109,6 +111,12 @@ def _property(words: list[str]) -> PlyProperty:
     want = 2 if words[1:2] == ["list"] else 1
     if len(types) != want or not all(t in TYPES for t in types) or (TYPES[types[0]].startswith("f") and want == 2):
         raise SplatFormatError(
-            f"The PLY header line '{' '.join(words)}' is no property known; export the file with float values."
+            f"The PLY header line '{_quoted(words)}' is no property known; export the file with float values."
         )
     return PlyProperty(words[-1], TYPES[types[-1]], TYPES[types[0]] if want == 2 else "")
+
+
+def _quoted(words: list[str]) -> str:
+    """A header line for a sentence, which a damaged file must not make endless."""
+    line = " ".join(words)
+    return line if len(line) <= QUOTED_CHARACTERS else line[:QUOTED_CHARACTERS] + "..."

@@ -117,6 +117,7 @@ FILES = {
     "frames of one": ('{"frames": {}}', 'no list of cameras under "frames"'),
     "deep": ("[" * 100_000, "is no valid JSON"),
     "empty": ("", "is no valid JSON"),
+    "endless number": (json.dumps(GOOD).replace("640", "6" * 5000), "is no valid JSON"),
 }
 
 

@@ -21,6 +21,7 @@ def refuse(path, words):
     sentence = str(caught.value)
     assert "\n" not in sentence
     assert sentence.endswith(".")
+    assert len(sentence) < 300
     assert sentence[0].isupper() or sentence[0] == "'"
     return sentence
 
@@ -57,6 +58,13 @@ CASES = {
     "all invalid": (ply_bytes(poisoned()), "All 3 Gaussians of the file hold NaN"),
     "30 f_rest": (ply_bytes(RAW | {f"f_rest_{i}": RAW["x"] for i in range(30)}), "30 f_rest values"),
     "gap in f_rest": (ply_bytes(RAW | {f"f_rest_{i}": RAW["x"] for i in range(1, 10)}), "9 f_rest values"),
+    "f_rest_05": (
+        ply_bytes(raw_table(3, 1)).replace(b"f_rest_5", b"f_rest_05"),
+        "9 f_rest values that are not numbered 0 to 8",
+    ),
+    "endless f_rest": (ply_bytes(raw_table(3, 1)).replace(b"f_rest_5", b"f_rest_" + b"9" * 5000), "not numbered 0 to 8"),
+    "endless count": (ply_bytes(RAW).replace(b"vertex 3", b"vertex " + b"9" * 5000), "999...' is not 'element NAME COUNT'"),
+    "count beyond files": (ply_bytes(RAW, "ascii", count=10**30), "is not 'element NAME COUNT'"),
     "list in vertex": (LISTED, "vertex property 'nx' is a list"),
     "twice": (ply_bytes(RAW).replace(b"property float nx", b"property float ny"), "lists the property 'ny' twice"),
     "unknown type": (ply_bytes(RAW).replace(b"property float nx", b"property quaternion nx"), "'property quaternion nx'"),
