@@ -1,11 +1,11 @@
-"""Gaussians laid on surfaces: painted rectangles, boxes, balls and leaves."""
+"""Flat Gaussians on round and leafy things; flat walls and boxes are `tessellate`'s."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..camera import FloatArray
 from .textures import Picture, Rng
@@ -27,44 +27,8 @@ class Surfels:
     def __len__(self) -> int:
         return len(self.centres)
 
-    def shaded(self, factor: NDArray[np.float64]) -> Surfels:
-        """The same with colours times `factor` (N,)."""
-        return Surfels(self.centres, self.axes, self.scales, np.clip(self.colors * factor[:, None], 0.01, 0.99))
 
-
-def rectangle(rng: Rng, picture: Picture, origin: ArrayLike, across: ArrayLike, down: ArrayLike, spacing: float) -> Surfels:
-    """A painted rectangle: `origin` is the picture's top-left corner, `across` and `down` its edges, in scene units."""
-    o, u, v = (np.asarray(x, np.float64) for x in (origin, across, down))
-    width, height = float(np.linalg.norm(u)), float(np.linalg.norm(v))
-    columns, rows = max(1, round(width / spacing)), max(1, round(height / spacing))
-    s, t = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
-    jitter = rng.uniform(-0.15, 0.15, (2, rows, columns))
-    s, t = (s + jitter[0] / columns).ravel(), (t + jitter[1] / rows).ravel()
-    pixel = np.stack([t * picture.shape[0], s * picture.shape[1]]).astype(int)
-    color = picture[np.clip(pixel[0], 0, picture.shape[0] - 1), np.clip(pixel[1], 0, picture.shape[1] - 1)]
-    axes = np.column_stack([u / width, v / height, np.cross(u / width, v / height)])
-    scales = [FILL * width / columns, FILL * height / rows, THICKNESS * spacing]
-    n = len(s)
-    return Surfels(
-        o + s[:, None] * u + t[:, None] * v, np.tile(axes, (n, 1, 1)), np.tile(scales, (n, 1)), color.astype(np.float64)
-    )
-
-
-def box(rng: Rng, pictures: list[Picture], low: ArrayLike, high: ArrayLike, spacing: float) -> list[Surfels]:
-    """The five visible faces of a box in a y-down world: front (low z), left, right, back, top (low y)."""
-    (x0, y0, z0), (x1, y1, z1) = np.asarray(low, float), np.asarray(high, float)
-    x, y, z = np.diag([x1 - x0, y1 - y0, z1 - z0])
-    faces = [
-        ((x0, y0, z0), x, y),
-        ((x0, y0, z1), -z, y),
-        ((x1, y0, z0), z, y),
-        ((x1, y0, z1), -x, y),
-        ((x0, y0, z1), x, -z),
-    ]
-    return [rectangle(rng, pictures[k % len(pictures)], *face, spacing) for k, face in enumerate(faces)]
-
-
-def ball(rng: Rng, picture: Picture, centre: ArrayLike, radius: float, spacing: float) -> Surfels:
+def ball(picture: Picture, centre: ArrayLike, radius: float, spacing: float) -> Surfels:
     """A painted sphere."""
     n = max(16, round(4 * np.pi * radius**2 / spacing**2))
     k = np.arange(n) + 0.5

@@ -34,11 +34,13 @@ def _letter(picture: Picture, text: str, at: tuple[int, int], scale: float) -> N
 
 
 def plaster(rng: Rng, height: int, width: int, color: tuple[float, float, float]) -> Picture:
-    """A painted wall with stains and patches."""
-    stains = (
-        0.05 * noise(rng, height, width, 60, 3) + 0.03 * noise(rng, height, width, 18) + 0.02 * noise(rng, height, width, 6)
-    )
-    return _clip(_filled(height, width, color) + stains)
+    """A painted wall with stains, brush marks and a few cracks."""
+    tone = 0.045 * noise(rng, height, width, 70) + 0.025 * noise(rng, height, width, 22) + 0.012 * noise(rng, height, width, 7)
+    out = np.ascontiguousarray(_filled(height, width, color) * (1 + tone), np.float32)
+    for _ in range(height * width // 30000):
+        walk = np.cumsum(rng.normal(0, 9, (9, 2)) + rng.normal(0, 6, 2), axis=0) + rng.uniform(0, 1, 2) * (width, height)
+        cv2.polylines(out, [walk.astype(np.int32)], False, [0.6 * c for c in color], 1, cv2.LINE_AA)
+    return _clip(out)
 
 
 def bricks(rng: Rng, height: int, width: int, course: int = 22) -> Picture:
@@ -143,11 +145,40 @@ def window(rng: Rng, height: int, width: int) -> Picture:
 
 
 def crate(rng: Rng, height: int, width: int, color: tuple[float, float, float], mark: str = "") -> Picture:
-    """Boards with nails, a stencilled mark and scratches."""
-    out = planks(rng, height, width, max(12, height // 4)) * 0.4 + _filled(height, width, color) * 0.6
-    out = np.ascontiguousarray(out, np.float32)
-    for _ in range(14):
-        p, q = ((rng.uniform(0, 1, 2) * (width, height)).astype(int).tolist() for _ in range(2))
-        cv2.line(out, p, q, rng.uniform(0.05, 0.9, 3).tolist(), 2)
-    _letter(out, mark, (width // 8, int(height * 0.65)), height / 60)
-    return _clip(out)
+    """A box of boards with a frame, nails, scratches and a stencilled mark."""
+    boards = planks(rng, height, width, max(12, height // 5))
+    out = np.ascontiguousarray(boards * (np.array(color, np.float32) / (0.5, 0.33, 0.2)), np.float32)
+    rim = max(6, min(height, width) // 9)
+    for k, (x0, y0, x1, y1) in enumerate(
+        (
+            (0, 0, width, rim),
+            (0, height - rim, width, height),
+            (0, rim, rim, height - rim),
+            (width - rim, rim, width, height - rim),
+        )
+    ):
+        tone = [float(c) * (0.75 + 0.12 * (k % 2)) for c in color]
+        cv2.rectangle(out, (x0, y0), (x1 - 1, y1 - 1), tone, -1)
+        cv2.rectangle(out, (x0, y0), (x1 - 1, y1 - 1), [0.35 * c for c in tone], 1)
+    for x, y in rng.uniform(0, 1, (18, 2)) * (width, height):
+        cv2.circle(out, (int(x), int(y)), 2, (0.08, 0.07, 0.06), -1)
+    for _ in range(10):
+        p = rng.uniform(0.05, 0.95, 2) * (width, height)
+        q = p + rng.normal(0, 0.12, 2) * (width, height)
+        cv2.line(out, p.astype(int).tolist(), q.astype(int).tolist(), [1.5 * c for c in color], 1, cv2.LINE_AA)
+    if mark:
+        _letter(out, mark, (int(0.2 * width), int(0.62 * height)), width / (32.0 * len(mark)))
+    return _clip(out + 0.02 * noise(rng, height, width, 4))
+
+
+def tartan(rng: Rng, height: int, width: int, color: tuple[float, float, float]) -> Picture:
+    """Woven cloth: stripes of uneven widths crossing, no two alike."""
+    out = _filled(height, width, color)
+    for axis, length in ((0, height), (1, width)):
+        at = 0
+        while at < length:
+            wide = int(rng.integers(4, 30))
+            stripe = out[at : at + wide] if axis == 0 else out[:, at : at + wide]
+            stripe *= rng.uniform(0.55, 1.35, 3).astype(np.float32)
+            at += wide
+    return _clip(out + 0.03 * noise(rng, height, width, 3))
