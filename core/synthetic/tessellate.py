@@ -35,10 +35,6 @@ class Panel:
     def normal(self) -> FloatArray:
         return np.asarray(_axes(self)[:, 2])
 
-    def points(self, s: ArrayLike, t: ArrayLike) -> FloatArray:
-        """World points (N, 3) at shares `s` along and `t` down the picture, each (N,)."""
-        return self.origin + np.multiply.outer(np.asarray(s), self.across) + np.multiply.outer(np.asarray(t), self.down)
-
 
 def panel(picture: Picture, origin: ArrayLike, across: ArrayLike, down: ArrayLike) -> Panel:
     return Panel(picture, *(np.asarray(x, np.float64) for x in (origin, across, down)))
