@@ -21,7 +21,7 @@ Float32Array = NDArray[np.float32]
 IndexArray = NDArray[np.intp]
 
 PIXELS = TILE * TILE
-ROUND_PAIRS = 8192  # pairs per round: its weights (2 MiB) stay near the core
+ROUND_PAIRS = 16384  # pairs per round: large calls, so that two threads seldom wait for the interpreter lock
 DEPTH_MAX = 32
 GEMM_ROWS = 512  # OpenBLAS starts threads of its own only above M N K = 262144; 512 x 64 x 6 stays below
 EXPONENT_MIN = -60.0  # far under 1/255; cv2.exp is slow where it underflows

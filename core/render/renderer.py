@@ -20,7 +20,7 @@ from .view import RenderedView, RenderSettings
 
 Float32Array = NDArray[np.float32]
 
-BAND_TILES = 512  # tiles per work item; fixed, so that the image does not depend on the number of threads
+BAND_TILES = 1024  # tiles per work item; fixed, so that the image does not depend on the number of threads
 
 
 def _never() -> bool:
