@@ -56,7 +56,7 @@ class Renderer:
             if parts:
                 splats = sort_by_depth(parts)
                 table = splat_table(splats)
-                rows = max(1, BAND_TILES // target.columns)
+                rows = _band_rows(target.rows, target.columns)
                 list(run(lambda r: target.draw(splats, table, r, r + rows, poll), range(0, target.rows, rows)))
         return target.view()
 
@@ -66,6 +66,12 @@ class Renderer:
         """The views of several poses, one after the other."""
         for pose in poses:
             yield self.render(intrinsics, pose, should_stop)
+
+
+def _band_rows(rows: int, columns: int) -> int:
+    """Tile rows of a band: about BAND_TILES tiles, and an even number of bands, so that two threads end together."""
+    bands = -(-rows // max(1, BAND_TILES // columns))
+    return -(-rows // (bands + bands % 2))
 
 
 class _Target:
