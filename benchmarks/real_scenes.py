@@ -19,9 +19,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from core.camera_files import read_cameras
-
 from core.camera import Camera, Pose, pose_error
+from core.camera_files import read_cameras
 from core.lie import so3_exp
 from core.photo import read_photo
 from core.pose.refine import refine
