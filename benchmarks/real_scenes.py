@@ -19,15 +19,15 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from core.camera import Camera, Pose, pose_error
+from core.camera import Camera, pose_error
 from core.camera_files import read_cameras
-from core.lie import so3_exp
 from core.photo import read_photo
 from core.pose.refine import refine
 from core.pose.report import RefineReport
 from core.pose.settings import RefineSettings
 from core.render import Renderer, RenderSettings
 from core.splats import read_splats
+from core.synthetic import perturb_camera
 
 SCENES = ROOT.parent / "shared" / "scenes"
 STARTS = {"near": (0.05, 4.0), "far": (0.30, 20.0), "hard": (0.50, 30.0)}  # share of the median depth, degrees
@@ -47,10 +47,7 @@ class Trial:
 
 def start_camera(truth: Camera, depth: float, ratio: float, degrees: float, seed: int) -> Camera:
     """`truth` moved by exactly `ratio` x `depth` and turned by exactly `degrees`, both in a random direction."""
-    rng = np.random.default_rng(seed)
-    way, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-    R = so3_exp(np.radians(degrees) * axis) @ truth.pose.R
-    return replace(truth, pose=Pose.from_centre(R, truth.pose.centre + ratio * depth * way))
+    return perturb_camera(truth, ratio * depth, degrees, seed)
 
 
 def run_scene(scene: str, start: str, settings: RefineSettings, seeds: int) -> list[Trial]:

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, Intrinsics, Pose
-from .render.view import RenderedView
+from .camera import Camera, Intrinsics
+from .render.view import ViewRenderer
 
 MAX_PAD_RATIO = 1.0  # of the image's side; a lens model that folds over would ask for an endless canvas
-
-
-class ViewRenderer(Protocol):
-    """Anything that draws a pinhole view."""
-
-    def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView: ...
 
 
 def render_through_lens(renderer: ViewRenderer, camera: Camera, supersample: int = 1) -> NDArray[np.float32]:

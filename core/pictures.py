@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera
-from .lens import ViewRenderer, render_through_lens
+from .lens import render_through_lens
 from .photo import Photo
+from .render.view import ViewRenderer
 
 Image = NDArray[np.uint8]
 

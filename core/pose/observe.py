@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -15,17 +14,11 @@ from ..features.sift import RootSift
 from ..features.subpixel import SubpixelAligner, normalise_locally
 from ..features.types import Extractor, Features, Matcher
 from ..photo import Photo
-from ..render.view import RenderedView
+from ..render.view import RenderedView, ViewRenderer
 from .matches import BoolArray, ViewMatches
 
 MIN_ALPHA = 0.5  # below this a pixel of the render shows the background as much as the scan
 MIN_DEPTH_STD_RATIO = 1e-3
-
-
-class ViewRenderer(Protocol):
-    """What the loop needs of a renderer."""
-
-    def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView: ...
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,11 @@ import numpy as np
 
 from ..camera import Camera, Pose, pose_error
 from ..photo import Photo
+from ..render.view import ViewRenderer
 from .epipolar import EpipolarFit, measure_epipolar
 from .hypotheses import GAUSSIAN_LENGTH, candidate_poses
 from .matches import ViewMatches
-from .observe import Frontend, Observation, Query, ViewRenderer, make_query, observe
+from .observe import Frontend, Observation, Query, make_query, observe
 from .report import IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .settings import RefineSettings
 from .solve import coarse_pose, fine_matches, fine_pose, keep_distance, usable_views

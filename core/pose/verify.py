@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..camera import FloatArray, Pose
 from ..features.subpixel import SubpixelAligner, normalise_locally
-from .observe import MIN_ALPHA, Query, ViewRenderer, grey_of
+from ..render.view import ViewRenderer
+from .observe import MIN_ALPHA, Query, grey_of
 
 MAX_CORNERS = 600
 CORNER_QUALITY = 0.01

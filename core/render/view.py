@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..camera import Intrinsics, Pose
 from ..splats.scene import GaussianScene
 
 Float32Array = NDArray[np.float32]
@@ -42,3 +44,9 @@ class RenderedView:
     depth: Float32Array
     alpha: Float32Array
     depth_variance: Float32Array
+
+
+class ViewRenderer(Protocol):
+    """Anything that draws a pinhole view; what the refinement and the pictures need of a renderer."""
+
+    def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView: ...

@@ -11,10 +11,11 @@ import numpy as np
 
 from ..camera import Camera, FloatArray, Intrinsics, Pose
 from ..camera_files import camera_to_dict
-from ..lens import ViewRenderer, render_through_lens
+from ..lens import render_through_lens
 from ..lie import so3_exp
 from ..photo import Photo
 from ..render import Renderer, RenderSettings
+from ..render.view import ViewRenderer
 from ..splats.ply import write_ply
 from .room import make_scene
 
