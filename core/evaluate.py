@@ -15,7 +15,7 @@ from decimal import ROUND_HALF_UP, Decimal
 import numpy as np
 
 from .camera import FloatArray, pose_error
-from .datasets import PoseSet, match_names
+from .datasets import PoseSet, match_names, short
 from .errors import DatasetError
 
 
@@ -90,7 +90,7 @@ def pose_errors(truth: PoseSet, estimate: PoseSet) -> FloatArray:
     """
     found = match_names(truth.names, estimate.names, truth.source, estimate.source)
     if estimate.frames and all(match is None for match in found):
-        a, b = truth.names[0], estimate.names[0]
+        a, b = short(truth.names[0]), short(estimate.names[0])
         raise DatasetError(f"No name of '{estimate.source}' ('{b}') is one of '{truth.source}' ('{a}'); give the same scene.")
     errors = [
         (math.inf, math.inf) if match is None else pose_error(estimate.frames[match].pose, frame.pose)

@@ -65,7 +65,8 @@ def _say_left_out(scene: Scene, estimate: PoseSet, scores: Scores) -> None:
         note(f"{scores.missing} of {scores.n} photos of '{scene.name}' are missing in '{estimate.source}': infinitely wrong.")
     beside = len(estimate.frames) - (scores.n - scores.missing)
     if beside:
-        note(f"{beside} poses of '{estimate.source}' are of no photo of '{scene.name}' and do not count.")
+        of = f"{beside} of {len(estimate.frames)} poses in '{estimate.source}'"
+        note(f"{of} are of no photo of '{scene.name}' and do not count.")
 
 
 def _with_average(scores: dict[str, Scores]) -> dict[str, Scores]:

@@ -9,9 +9,9 @@ from pathlib import Path
 from ..errors import DatasetError
 from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
 from .names import match_names
-from .types import PosedFrame, PoseSet, Query, Split
+from .types import PosedFrame, PoseSet, Query, Split, short
 
-__all__ = ["LAYOUTS", "Layout", "PoseSet", "PosedFrame", "Query", "Split", "detect", "match_names", "queries", "read"]
+__all__ = ["LAYOUTS", "Layout", "PoseSet", "PosedFrame", "Query", "Split", "detect", "match_names", "queries", "read", "short"]
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from ..quaternion import rotation_from_quaternion
 from .colmap import read_lens
 from .names import match_names
 from .text import data_lines, head, numbers
-from .types import PosedFrame, PoseSet, Query, Split, pose_set
+from .types import PosedFrame, PoseSet, Query, Split, pose_set, short
 
 LISTS: dict[Split, str] = {"test": "dataset_test.txt", "train": "dataset_train.txt"}
 TITLE, COLUMN_TITLE = "Visual Landmark Dataset", "ImageFile,"
@@ -111,8 +111,8 @@ def _all_found(found: list[int | None], names: list[str], path: Path) -> list[in
     known = [i for i in found if i is not None]
     if len(known) < len(names):
         first = names[found.index(None)]
-        missing = len(names) - len(known)
-        raise DatasetError(f"'{path.name}' lacks the lens of {missing} test photos ('{first}'); give one for all with --focal.")
+        missing = f"{len(names) - len(known)} of {len(names)} test photos ('{short(first)}')"
+        raise DatasetError(f"'{path.name}' lacks the lens of {missing}; give one for all with --focal.")
     return known
 
 
@@ -129,7 +129,8 @@ def _size(photo: Path) -> tuple[int, int]:
     """Width and height as the photo will be read: of a PNG from its first bytes, for there are hundreds of them."""
     with photo.open("rb") as file:
         start = file.read(24)
-    if start.startswith(PNG_SIGNATURE) and len(start) == 24:
-        return int.from_bytes(start[16:20]), int.from_bytes(start[20:24])
+    width, height = int.from_bytes(start[16:20]), int.from_bytes(start[20:24])
+    if start.startswith(PNG_SIGNATURE) and width and height:
+        return width, height
     picture = read_photo(photo)
     return picture.width, picture.height

@@ -14,7 +14,7 @@ from ..camera import Camera, Intrinsics
 from ..errors import CameraError, DatasetError
 from .pose_list import pose_columns
 from .text import data_lines, head, numbers, pose_from_columns, read_lines
-from .types import PosedFrame, PoseSet, Split, pose_set
+from .types import PosedFrame, PoseSet, Split, pose_set, short
 
 IMAGES, CAMERAS, POINTS = "images.txt", "cameras.txt", "points3D.txt"
 PLACES = (".", "sparse/0", "sparse")
@@ -134,5 +134,5 @@ def _lens_columns(k: Intrinsics) -> str:
 
 def _checked(name: str, number: int) -> str:
     if name.strip() != name or not name or "\n" in name or "\r" in name:
-        raise DatasetError(f"Camera {number} has the photo '{name}', which COLMAP cannot name; give its file's name.")
+        raise DatasetError(f"Camera {number} has the photo '{short(name)}', which COLMAP cannot name; give its file's name.")
     return name

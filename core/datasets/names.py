@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from ..errors import DatasetError
+from .types import short
 
 SUFFIX = re.compile(r"(\.(color|pose))?(\.(png|jpe?g|tiff?|webp|bmp|ppm|pgm|exr|hei[cf]|txt))?$", re.IGNORECASE)
 WORDS = re.compile(r"[^\W_]+")
@@ -79,5 +80,6 @@ def _by_folders(wanted: Sequence[str], given: Sequence[str]) -> dict[int, set[in
 
 def _ambiguous(name: str, name_in: str, a: str, b: str, others_in: str) -> DatasetError:
     return DatasetError(
-        f"'{name}' of '{name_in}' could be '{a}' or '{b}' of '{others_in}'; spell the names alike, with their folders."
+        f"'{short(name)}' of '{name_in}' could be '{short(a)}' or '{short(b)}' of '{others_in}'; "
+        "spell the names alike, with their folders."
     )

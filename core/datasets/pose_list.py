@@ -10,7 +10,7 @@ from ..camera import Pose
 from ..errors import DatasetError
 from ..quaternion import quaternion_from_rotation
 from .text import data_lines, pose_from_columns
-from .types import PosedFrame, PoseSet, Split, pose_set
+from .types import PosedFrame, PoseSet, Split, pose_set, short
 
 COLUMNS = 8
 
@@ -45,5 +45,5 @@ def pose_columns(pose: Pose) -> list[str]:
 def checked(name: str) -> str:
     """`name`, fit to be a column. Raises DatasetError when it is empty, has blanks in it, or would read as a comment."""
     if name.split() != [name] or name.startswith("#"):
-        raise DatasetError(f"The photo's name '{name}' cannot stand in a pose list; rename it without blanks.")
+        raise DatasetError(f"The photo's name '{short(name)}' cannot stand in a pose list; rename it without blanks.")
     return name

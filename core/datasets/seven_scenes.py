@@ -1,4 +1,7 @@
-"""7-Scenes folders: TrainSplit.txt / TestSplit.txt, and seq-NN/frame-NNNNNN.{color.png,pose.txt}; camera-to-world, metres."""
+"""7-Scenes folders: TrainSplit.txt / TestSplit.txt, and seq-NN/frame-NNNNNN.{color.png,pose.txt}; camera-to-world, metres.
+
+The poses are read as published: those of the depth camera's tracking, which the data set's own evaluation takes for the photos.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from .text import data_lines, numbers
 from .types import PosedFrame, PoseSet, Query, Split, pose_set
 
 SPLIT_FILES: dict[Split, str] = {"test": "TestSplit.txt", "train": "TrainSplit.txt"}
-SEQUENCE = re.compile(r"seq(?:uence)?[-_]?0*(\d+)", re.IGNORECASE)
+SEQUENCE = re.compile(r"seq(?:uence)?[-_]?0*([0-9]{1,6})", re.IGNORECASE)
 PHOTOS = "*.color.*"
 POSES = "*.pose.txt"
 WIDTH, HEIGHT = 640, 480

@@ -54,7 +54,7 @@ def head(path: Path) -> str:
 def numbers(columns: Sequence[str], where: str, what: str) -> list[float]:
     """Numbers, finite and of a sane size. `what` names the columns in the DatasetError's sentence."""
     try:
-        values = [float(column) for column in columns]
+        values = [math.nan if "_" in column else float(column) for column in columns]  # Python reads 1_0 as 10
     except ValueError:
         values = [math.nan]
     if not all(abs(value) <= LARGEST for value in values):  # false for NaN

@@ -11,6 +11,7 @@ from ..camera import Intrinsics, Pose
 from ..errors import DatasetError
 
 Split = Literal["test", "train"]
+LONGEST_NAME = 100  # characters of it that an error shows
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,12 @@ class Query:
     intrinsics: Intrinsics
 
 
+def short(name: str) -> str:
+    """A name out of a file, fit to stand in a sentence: on one line, and cut where a damaged file made it endless."""
+    line = " ".join(name.split())
+    return line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 3] + "..."
+
+
 def pose_set(path: Path, frames: Sequence[PosedFrame], metric: bool, unsolved: int = 0) -> PoseSet:
     """A PoseSet named after `path`. Raises DatasetError when it is empty or holds a name twice."""
     if not frames and not unsolved:
@@ -57,6 +64,6 @@ def pose_set(path: Path, frames: Sequence[PosedFrame], metric: bool, unsolved: i
     seen: set[str] = set()
     for frame in frames:
         if frame.name in seen:
-            raise DatasetError(f"'{path.name}' holds '{frame.name}' more than once; leave one pose for each photo.")
+            raise DatasetError(f"'{path.name}' holds '{short(frame.name)}' more than once; leave one pose for each photo.")
         seen.add(frame.name)
     return PoseSet(path.name or str(path), tuple(frames), metric, unsolved)
