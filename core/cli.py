@@ -9,13 +9,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
-from .commands import batch, demo, refine, render
+from .commands import batch, demo, evaluate, refine, render
 from .commands.flags import OneLineParser, UsageError
 from .commands.outcome import BAD_INPUT, INTERRUPTED, Outcome
 from .console import note
 from .errors import GssmcError
 
-COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo}
+COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo, "evaluate": evaluate}
 
 
 def build_parser(
@@ -41,13 +41,13 @@ def main(
     """Run one command and return its exit code.
 
     `add_options` is called with each subcommand's parser before parsing; `on_outcome` with the parsed arguments and the
-    outcome after a command that ran to its end, also when a verdict was "failed". Errors it raises are treated as the
-    command's own.
+    outcome after a command that ran to its end on a scene, also when a verdict was "failed". Errors it raises are treated as
+    the command's own.
     """
     try:
         args = build_parser(prog, add_options).parse_args(argv)
         outcome: Outcome = COMMANDS[args.command].run(args)
-        if on_outcome is not None:
+        if on_outcome is not None and outcome.scene is not None:
             on_outcome(args, outcome)
         return outcome.exit_code
     except SystemExit as end:  # --help

@@ -101,6 +101,25 @@ def pose_to_blender(pose: Pose, splat: Similarity) -> FloatArray:
     return matrix
 
 
+def pose_from_opengl(camera_to_world: ArrayLike) -> Pose:
+    """The engine's pose of an OpenGL (nerfstudio, NeRF) camera given as camera-to-world, 4x4 or its first three rows.
+
+    Raises CameraError when the matrix is no finite rigid motion.
+    """
+    m = np.asarray(camera_to_world, np.float64)
+    if m.shape not in ((3, 4), (4, 4)) or not np.isfinite(m).all():
+        raise CameraError("The camera's matrix is not a finite 4x4 matrix; give the camera-to-world matrix.")
+    return Pose.from_centre((m[:3, :3] @ FLIP_YZ).T, m[:3, 3])
+
+
+def pose_to_opengl(pose: Pose) -> FloatArray:
+    """The 4x4 camera-to-world matrix of an OpenGL camera at the engine's `pose`. Inverse of `pose_from_opengl`."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = pose.R.T @ FLIP_YZ
+    matrix[:3, 3] = pose.centre
+    return matrix
+
+
 @dataclass(frozen=True)
 class BlenderLens:
     """What Blender's camera and render settings say of the projection, in Blender's own terms and units."""

@@ -17,6 +17,10 @@ class CameraError(GssmcError):
     """A camera description is incomplete, or its numbers make no camera."""
 
 
+class DatasetError(GssmcError):
+    """A file or folder of poses cannot be read, or does not fit another one."""
+
+
 class RefineError(GssmcError):
     """A refinement cannot start or go on with what it was given."""
 

@@ -1,4 +1,7 @@
-"""`batch SCENE QUERIES.json --out RESULTS.json`: every photo of a list, over several processes, safe against interruption."""
+"""`batch SCENE QUERIES.json --out RESULTS.json`: every photo of a list, over several processes, safe against interruption.
+
+A 7-Scenes or Cambridge folder may stand for the list: `batch SCENE FOLDER --start POSES.txt --preset 7scenes --out ...`.
+"""
 
 from __future__ import annotations
 
@@ -9,24 +12,32 @@ from dataclasses import asdict
 from pathlib import Path
 
 from ..camera import Camera
-from ..camera_files import camera_from_dict, camera_to_dict, read_cameras
+from ..camera_files import camera_from_dict, camera_to_dict
 from ..console import note, say
+from ..datasets import pose_list
 from ..errors import SplatFormatError
 from ..pose.settings import RefineSettings
+from ..presets import PRESETS
 from ..results import error_to_dict
 from ..splats import check_splat_file
 from .flags import UsageError, add_settings_flags, settings_from
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .pool import Pool
 from .progress import ProgressBar
+from .queries import find_queries
 from .store import ResultStore, job_key
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("batch", help="refine many photos; a second run goes on where the first one stopped")
     parser.add_argument("scene", type=Path, help="splat file (.ply)")
-    parser.add_argument("queries", type=Path, help='camera JSON: each camera is the start of its "file", relative to this JSON')
+    source = 'camera JSON: each camera is the start of its "file", relative to this JSON; or a 7-Scenes or Cambridge folder'
+    parser.add_argument("queries", type=Path, metavar="SOURCE", help=source)
+    parser.add_argument("--start", type=Path, metavar="POSES.txt", help="start poses of a folder's test photos (any pose file)")
+    parser.add_argument("--focal", type=float, metavar="PX", help="focal length of a folder's photos (7-Scenes: 525)")
+    parser.add_argument("--preset", choices=list(PRESETS), help="the paper's settings; the scan's unit must be the metre")
     parser.add_argument("--out", type=Path, required=True, metavar="RESULTS.json", help="results, in the order of the queries")
+    parser.add_argument("--poses", type=Path, metavar="OUT.txt", help="also write lines of name qw qx qy qz tx ty tz")
     workers = os.cpu_count() or 1
     parser.add_argument("--workers", type=int, default=workers, metavar="N", help=f"processes, each holds the scan ({workers})")
     add_settings_flags(parser, skip=("threads",))
@@ -34,9 +45,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    cameras = read_cameras(args.queries)
-    photos = _photo_files(cameras, args.queries)
-    settings = settings_from(args)
+    settings = settings_from(args, PRESETS[args.preset] if args.preset else None)
+    found = find_queries(args)
+    cameras, photos = found.cameras, found.photos
     if args.workers < 1:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     if args.out.exists() and args.out.samefile(args.queries):
@@ -50,6 +61,9 @@ def run(args: argparse.Namespace) -> Outcome:
     verdicts = Counter(record["verdict"] for record in store.records.values())
     say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
     results = tuple(camera_from_dict(store.records[i]) for i in range(len(cameras)))
+    if args.poses is not None:
+        tried = [camera for i, camera in enumerate(results) if "error" not in store.records[i]]
+        pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
     return Outcome(FAILED_VERDICT if verdicts["failed"] else OK, args.scene, results, tuple(photos))
 
 
@@ -82,14 +96,6 @@ def _work(
     store.save()
     if dropped:
         note(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.")
-
-
-def _photo_files(cameras: list[Camera], queries: Path) -> list[Path]:
-    """Each camera's photo. Raises UsageError when one names none."""
-    for number, camera in enumerate(cameras, 1):
-        if not camera.file:
-            raise UsageError(f"Camera {number} of '{queries.name}' names no photo; give it a \"file\".")
-    return [(queries.resolve().parent / camera.file) for camera in cameras]
 
 
 def _keys(scene: Path, cameras: list[Camera], photos: list[Path], settings: RefineSettings) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Collection
-from dataclasses import Field, fields
+from dataclasses import Field, fields, replace
 from typing import Any
 
 from ..errors import GssmcError
@@ -32,17 +32,19 @@ def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = 
             continue
         flag, text = field.name.replace("_", "-"), texts[field.name]
         if isinstance(field.default, bool):
-            group.add_argument(f"--no-{flag}", dest=field.name, action="store_false", help=f"switch off: {text}")
+            group.add_argument(
+                f"--no-{flag}", dest=field.name, action="store_false", default=argparse.SUPPRESS, help=f"switch off: {text}"
+            )
         else:
             kind = type(field.default)
-            group.add_argument(
-                f"--{flag}", dest=field.name, type=kind, default=field.default, metavar="N", help=f"{text} ({field.default})"
-            )
+            help_text = f"{text} ({field.default})"
+            group.add_argument(f"--{flag}", dest=field.name, type=kind, default=argparse.SUPPRESS, metavar="N", help=help_text)
 
 
-def settings_from(args: argparse.Namespace) -> RefineSettings:
-    """The settings that the flags say. Raises RefineError when a number is out of range."""
-    return RefineSettings(**{f.name: getattr(args, f.name) for f in fields(RefineSettings) if hasattr(args, f.name)})
+def settings_from(args: argparse.Namespace, base: RefineSettings | None = None) -> RefineSettings:
+    """`base` (the defaults) with what the given flags say. Raises RefineError when a number is out of range."""
+    given = {f.name: getattr(args, f.name) for f in fields(RefineSettings) if hasattr(args, f.name)}
+    return replace(base or RefineSettings(), **given)
 
 
 def field_texts(settings: Any) -> dict[str, str]:

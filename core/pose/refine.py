@@ -169,7 +169,7 @@ class _Loop:
             if best is not None and not _supports(found, best):
                 break  # fewer matches agree than before: a later iteration must not spoil a good pose
             best, pose, moved_from = found, found.fit.pose, pose
-            if settings.multiview and fan == narrow and _inside_fan(found, moved_from, fan):
+            if settings.multiview and fan == narrow and _inside_fan(found, moved_from, self._sigma(fan, found.median_depth)):
                 break
             fan = narrow
         return Outcome(best, problem, agreement)
@@ -185,7 +185,7 @@ class _Loop:
         reference = observe(self.renderer, self.query, pose, True, self.frontend)
         if reference.opaque < MIN_OPAQUE:
             return []
-        poses = candidate_poses(pose, count, fan.ratio * reference.median_depth, fan.rotation_deg, rng)
+        poses = candidate_poses(pose, count, self._sigma(fan, reference.median_depth), fan.rotation_deg, rng)
         out = [reference]
         pool = ThreadPoolExecutor(self.settings.threads or os.cpu_count() or 1, thread_name_prefix="gssmc-view")
         try:
@@ -198,6 +198,11 @@ class _Loop:
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
         return out
+
+    def _sigma(self, fan: Fan, median_depth: float) -> float:
+        """Deviation of the candidates' centres in scene units; a fan that was widened widens a deviation in units alike."""
+        units = self.settings.perturb_translation_units
+        return fan.ratio * (units / self.settings.perturb_translation_ratio if units else median_depth)
 
     def _solve(self, observations: Sequence[Observation], pose: Pose, index: int) -> tuple[Answer | None, IterationRecord]:
         """Coarse and fine stage on one iteration's views."""
@@ -234,7 +239,7 @@ def _supports(found: Answer, best: Answer) -> bool:
     return sum(map(len, found.views)) >= 0.7 * sum(map(len, best.views))
 
 
-def _inside_fan(found: Answer, reference: Pose, fan: Fan) -> bool:
+def _inside_fan(found: Answer, reference: Pose, sigma: float) -> bool:
     """Whether the rendered views surround the answer, so that another iteration would see the same again."""
     distance, degrees = pose_error(found.fit.pose, reference)
-    return distance <= GAUSSIAN_LENGTH * fan.ratio * found.median_depth and degrees <= INSIDE_FAN_DEG
+    return distance <= GAUSSIAN_LENGTH * sigma and degrees <= INSIDE_FAN_DEG

@@ -18,6 +18,7 @@ class RefineSettings:
     epipolar: the fine epipolar stage; off = the coarse answer as it is (paper's ablation).
     long_side_px: photo and renders are matched at this size of the long side.
     perturb_translation_ratio: deviation of the candidates' centres, as a share of the median rendered depth.
+    perturb_translation_units: the same deviation in scene units, where the scan's unit is known (paper: metres); 0 = the ratio.
     perturb_rotation_deg: deviation of the candidates' rotation about each axis.
     threads: views rendered and matched side by side, 0 = one per core.
     Raises RefineError when a number is outside its range.
@@ -30,6 +31,7 @@ class RefineSettings:
     epipolar: bool = True
     long_side_px: int = 640
     perturb_translation_ratio: float = 0.045
+    perturb_translation_units: float = 0.0
     perturb_rotation_deg: float = 0.5
     threads: int = 0
 
@@ -39,6 +41,7 @@ class RefineSettings:
             "candidates": (1, 64),
             "long_side_px": (64, 8192),
             "perturb_translation_ratio": (1e-4, 1.0),
+            "perturb_translation_units": (0.0, 1e6),
             "perturb_rotation_deg": (0.0, 45.0),
             "threads": (0, 256),
         }

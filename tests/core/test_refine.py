@@ -60,6 +60,27 @@ def test_the_same_seed_gives_the_same_answer_whatever_the_threads(room, photo):
     np.testing.assert_array_equal(a.camera.pose.t, b.camera.pose.t)
 
 
+@pytest.mark.parametrize("units", [0.04, 0.5])
+def test_a_deviation_in_scene_units_is_that_of_the_rendered_candidates(room, photo, units):
+    """2 sqrt(2 / pi) is the mean length of a 3D Gaussian of deviation 1, at which the candidates stand around the start."""
+    centres = []
+
+    class Recorder:
+        def render(self, intrinsics, pose):
+            centres.append(pose.centre)
+            return room.render(intrinsics, pose)
+
+    start = _start(0.05, 4.0)
+    work = iterate_refinement(
+        Recorder(), photo, Camera(LENS, start), RefineSettings(perturb_translation_units=units, candidates=6, threads=1)
+    )
+    while len(centres) < 7:
+        next(work)
+    work.close()
+    distances = np.linalg.norm(np.array(centres[:7]) - start.centre, axis=1)
+    np.testing.assert_allclose(sorted(distances), [0.0] + [2 * np.sqrt(2 / np.pi) * units] * 6, rtol=1e-4, atol=1e-12)
+
+
 def test_lens_distortion_is_honoured(room, photo):
     """Told that there is no distortion, the same photo ends measurably farther off."""
     start = _start(0.05, 4.0)

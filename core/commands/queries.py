@@ -1,0 +1,64 @@
+"""What a batch is to do: start cameras with their photos, from a camera file or from a data set's folder."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..camera import Camera
+from ..camera_files import read_cameras
+from ..console import note
+from ..datasets import match_names, queries, read
+from ..datasets.pose_list import checked
+from ..errors import DatasetError
+from .flags import UsageError
+
+
+@dataclass(frozen=True)
+class Queries:
+    """Start cameras, whose "file" is the photo's name as the source spells it, and as many photo files."""
+
+    cameras: list[Camera]
+    photos: list[Path]
+
+
+def find_queries(args: argparse.Namespace) -> Queries:
+    """The queries of a batch's flags. Raises UsageError, DatasetError or CameraError."""
+    if args.queries.is_dir():
+        found = _from_dataset(args.queries, args.start, args.focal)
+    else:
+        found = _from_cameras(args.queries, args.start, args.focal)
+    if args.poses is not None:
+        for camera in found.cameras:
+            checked(camera.file)  # found out before hours of work, not after
+    return found
+
+
+def _from_dataset(folder: Path, start: Path | None, focal: float | None) -> Queries:
+    """Test photos of a scene folder that have a start pose; the others are told and left out."""
+    if start is None:
+        raise UsageError(f"'{folder.name}' is a data set's folder, which has no start poses; give them with --start POSES.txt.")
+    if focal is not None and not 0 < focal < float("inf"):
+        raise UsageError(f"--focal is {focal:g}; give the focal length in pixels.")
+    wanted, starts = queries(folder, focal), read(start)
+    found = match_names([query.name for query in wanted], starts.names, folder.name, starts.source)
+    pairs = [(query, starts.frames[i]) for query, i in zip(wanted, found, strict=True) if i is not None]
+    if not pairs:
+        raise DatasetError(f"'{start.name}' has no start pose for any test photo of '{folder.name}'; give the same scene's.")
+    if len(pairs) < len(wanted):
+        note(f"{len(wanted) - len(pairs)} of {len(wanted)} test photos have no start pose in '{start.name}' and are left out.")
+    cameras = [Camera(query.intrinsics, frame.pose, query.name) for query, frame in pairs]
+    return Queries(cameras, [query.photo.resolve() for query, _ in pairs])
+
+
+def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Queries:
+    """Cameras of a JSON file, each with its photo relative to that file."""
+    cameras = read_cameras(file)
+    for flag, value in (("--start", start), ("--focal", focal)):
+        if value is not None:
+            raise UsageError(f"{flag} goes with a data set's folder; '{file.name}' brings its own cameras.")
+    for number, camera in enumerate(cameras, 1):
+        if not camera.file:
+            raise UsageError(f"Camera {number} of '{file.name}' names no photo; give it a \"file\".")
+    return Queries(cameras, [(file.resolve().parent / camera.file) for camera in cameras])

@@ -1,0 +1,85 @@
+"""The same photo under other spellings: folder separators, `.color`, extensions and leading folders differ between files."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections import defaultdict
+from collections.abc import Sequence
+
+from ..errors import DatasetError
+from .types import short
+
+SUFFIX = re.compile(r"(\.(color|pose))?(\.(png|jpe?g|tiff?|webp|bmp|ppm|pgm|exr|hei[cf]|txt))?$", re.IGNORECASE)
+WORDS = re.compile(r"[^\W_]+")
+
+
+def name_key(name: str) -> str:
+    """What all spellings of a photo's name share: its words and numbers, without image suffixes.
+
+    'seq-03/frame-000844.color.png', 'seq-03\\frame-000844.pose.txt' and 'seq-03-frame-000844' have one key.
+    """
+    stem = SUFFIX.sub("", unicodedata.normalize("NFC", name), count=1)
+    return " ".join(WORDS.findall(stem)).casefold() or name
+
+
+def name_tails(name: str) -> list[str]:
+    """Keys of the name without its first folder, without its first two, and so on."""
+    parts = [part for part in name.replace("\\", "/").split("/") if part not in ("", ".")]
+    return [name_key("/".join(parts[k:])) for k in range(1, len(parts))]
+
+
+def match_names(wanted: Sequence[str], given: Sequence[str], wanted_in: str, given_in: str) -> list[int | None]:
+    """For each wanted name, the index of the same photo in `given`, or None.
+
+    Equal names go together first, then equal keys, then names of which one has more leading folders. Raises DatasetError when
+    a name could mean several photos; `wanted_in` and `given_in` name the two files in its sentence.
+    """
+    exact = {name: i for i, name in enumerate(given)}
+    found = [exact.get(name) for name in wanted]
+    for candidates in (_by_key, _by_folders):
+        free_w = [w for w, g in enumerate(found) if g is None]
+        taken = {g for g in found if g is not None}
+        free_g = [g for g in range(len(given)) if g not in taken]
+        pairs = candidates([wanted[w] for w in free_w], [given[g] for g in free_g])
+        owner: dict[int, int] = {}
+        for w, matches in pairs.items():
+            if len(matches) > 1:
+                a, b = sorted(given[free_g[m]] for m in matches)[:2]
+                raise _ambiguous(wanted[free_w[w]], wanted_in, a, b, given_in)
+            for m in matches:
+                if m in owner:
+                    raise _ambiguous(given[free_g[m]], given_in, wanted[free_w[owner[m]]], wanted[free_w[w]], wanted_in)
+                owner[m] = w
+                found[free_w[w]] = free_g[m]
+    return found
+
+
+def _by_key(wanted: Sequence[str], given: Sequence[str]) -> dict[int, set[int]]:
+    keys: dict[str, set[int]] = defaultdict(set)
+    for g, name in enumerate(given):
+        keys[name_key(name)].add(g)
+    return {w: keys[name_key(name)] for w, name in enumerate(wanted) if name_key(name) in keys}
+
+
+def _by_folders(wanted: Sequence[str], given: Sequence[str]) -> dict[int, set[int]]:
+    """Pairs of which one name is the other without its leading folders."""
+    keys: dict[str, set[int]] = defaultdict(set)
+    tails: dict[str, set[int]] = defaultdict(set)
+    for g, name in enumerate(given):
+        keys[name_key(name)].add(g)
+        for tail in name_tails(name):
+            tails[tail].add(g)
+    out: dict[int, set[int]] = {}
+    for w, name in enumerate(wanted):
+        matches = tails.get(name_key(name), set()).union(*(keys.get(tail, set()) for tail in name_tails(name)))
+        if matches:
+            out[w] = matches
+    return out
+
+
+def _ambiguous(name: str, name_in: str, a: str, b: str, others_in: str) -> DatasetError:
+    return DatasetError(
+        f"'{short(name)}' of '{name_in}' could be '{short(a)}' or '{short(b)}' of '{others_in}'; "
+        "spell the names alike, with their folders."
+    )
