@@ -111,7 +111,7 @@ class Intrinsics:
         n = target.copy()
         for _ in range(UNDISTORT_ITERATIONS):
             residual = self.distort_normalised(n) - target
-            a, b, d = self._distortion_jacobian(n)
+            a, b, d = self.distortion_jacobian(n)
             det = a * d - b * b
             step = np.stack([d * residual[:, 0] - b * residual[:, 1], a * residual[:, 1] - b * residual[:, 0]], axis=1)
             n = n - step / np.where(np.abs(det) > MIN_DETERMINANT, det, np.inf)[:, None]
@@ -119,7 +119,7 @@ class Intrinsics:
                 break
         return n
 
-    def _distortion_jacobian(self, n: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def distortion_jacobian(self, n: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Derivative of `distort_normalised`: the entries xx, xy (= yx) and yy, each (N,)."""
         k1, k2, p1, p2, k3 = self.dist
         x, y = n[:, 0], n[:, 1]
@@ -186,11 +186,15 @@ class Pose:
 
 @dataclass(frozen=True)
 class Camera:
-    """A posed camera and the image file it belongs to (empty when there is none)."""
+    """A posed camera and the image file it belongs to (empty when there is none).
+
+    `focal_guessed`: the focal length is a guess (from EXIF, or by eye), not a calibration.
+    """
 
     intrinsics: Intrinsics
     pose: Pose
     file: str = ""
+    focal_guessed: bool = False
 
 
 def rotation_angle_deg(R: ArrayLike) -> float:

@@ -23,6 +23,8 @@ def report_to_dict(report: RefineReport) -> dict[str, Any]:
         "iterations": [_iteration(record) for record in report.iterations],
         "seconds": round(report.seconds, 3),
         "quality": quality,
+        "stage": report.stage,
+        "lens": report.lens,
         "start": _pose(report.start),
     }
 

@@ -9,7 +9,7 @@ from dataclasses import Field, fields, replace
 from typing import Any
 
 from ..errors import GssmcError
-from ..pose.settings import RefineSettings
+from ..pose.settings import RefineSettings, choices
 
 
 class UsageError(GssmcError):
@@ -26,7 +26,7 @@ class OneLineParser(argparse.ArgumentParser):
 def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = ()) -> None:
     """One flag per field of RefineSettings: --name-with-dashes VALUE, or --no-name for a switch that is on."""
     group = parser.add_argument_group("refinement options")
-    texts = field_texts(RefineSettings)
+    texts, words = field_texts(RefineSettings), choices()
     for field in fields(RefineSettings):
         if field.name in skip:
             continue
@@ -34,6 +34,11 @@ def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = 
         if isinstance(field.default, bool):
             group.add_argument(
                 f"--no-{flag}", dest=field.name, action="store_false", default=argparse.SUPPRESS, help=f"switch off: {text}"
+            )
+        elif field.name in words:
+            help_text = f"{text} ({field.default})"
+            group.add_argument(
+                f"--{flag}", dest=field.name, choices=words[field.name], default=argparse.SUPPRESS, help=help_text
             )
         else:
             kind = type(field.default)

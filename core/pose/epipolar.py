@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ..camera import FloatArray, Pose
 from ..lie import hat, se3_exp
+from .least_squares import NormalEquations, levenberg_marquardt
 from .matches import ViewMatches, bearings
 
 MIN_SIGMA_PX = 0.15  # a view's residuals cannot be trusted to be quieter than keypoints are
 MIN_LINE_NORM = 1e-9  # a view at the very pose of the photo has no lines; this keeps its zeros finite
-MAX_STEPS = 30
-MIN_GAIN = 1e-7  # relative fall of the cost under which the search has ended
-MAX_DAMPING = 1e8
 
 
 @dataclass(frozen=True)
@@ -73,18 +72,20 @@ def refine_epipolar(start: Pose, views: Sequence[ViewMatches], K: FloatArray, ro
     pose = start
     for _ in range(rounds):
         sigmas = view_sigmas(pose, views, K)
-        pose = _levenberg_marquardt(pose, views, sigmas, K)
+        pose = levenberg_marquardt(
+            pose, partial(_normal_equations, views=views, sigmas=sigmas, K=K), lambda p, step: se3_exp(step) @ p
+        )
     return measure_epipolar(pose, views, K)
 
 
 def measure_epipolar(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> EpipolarFit:
     """F, sigmas, RMS and normal matrix at `pose`, without moving it."""
     sigmas = view_sigmas(pose, views, K)
-    cost, _, information = _normal_equations(pose, views, sigmas, K)
+    at = _normal_equations(pose, views, sigmas, K)
     residuals = [epipolar_residuals(pose, v, K)[0] for v in views]
     inliers = np.concatenate([d[np.abs(d) < 3 * s] for d, s in zip(residuals, sigmas, strict=True)])
     rms = float(np.sqrt(np.mean(inliers**2))) if len(inliers) else float("inf")
-    return EpipolarFit(pose, cost, sigmas, rms, information)
+    return EpipolarFit(pose, at.cost, sigmas, rms, at.information)
 
 
 def view_sigmas(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> FloatArray:
@@ -102,9 +103,7 @@ def view_weights(views: Sequence[ViewMatches]) -> FloatArray:
     return np.full(len(views), 1.0 / max(1, len(views)))
 
 
-def _normal_equations(
-    pose: Pose, views: Sequence[ViewMatches], sigmas: FloatArray, K: FloatArray
-) -> tuple[float, FloatArray, FloatArray]:
+def _normal_equations(pose: Pose, views: Sequence[ViewMatches], sigmas: FloatArray, K: FloatArray) -> NormalEquations:
     """Cost F, gradient (6,) and J^T W J (6, 6) at `pose`."""
     cost, gradient, hessian = 0.0, np.zeros(6), np.zeros((6, 6))
     for matches, sigma, weight in zip(views, sigmas, view_weights(views), strict=True):
@@ -114,25 +113,4 @@ def _normal_equations(
         cost += 0.5 * weight * float(rho.sum())
         gradient += jac.T @ (w * d)
         hessian += (jac * w[:, None]).T @ jac
-    return cost, gradient, hessian
-
-
-def _levenberg_marquardt(pose: Pose, views: Sequence[ViewMatches], sigmas: FloatArray, K: FloatArray) -> Pose:
-    damping = 1e-3
-    cost, gradient, hessian = _normal_equations(pose, views, sigmas, K)
-    for _ in range(MAX_STEPS):
-        diagonal = np.maximum(np.diag(hessian), 1e-12)
-        step = np.linalg.solve(hessian + damping * np.diag(diagonal), -gradient)
-        trial = se3_exp(step) @ pose
-        new = _normal_equations(trial, views, sigmas, K)
-        if new[0] < cost:
-            gain = (cost - new[0]) / max(cost, 1e-300)
-            pose, (cost, gradient, hessian) = trial, new
-            damping = max(damping / 10, 1e-9)
-            if gain < MIN_GAIN:
-                break
-        else:
-            damping *= 10
-            if damping > MAX_DAMPING:
-                break
-    return pose
+    return NormalEquations(cost, gradient, hessian)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from ..features.types import Extractor, Features, Matcher
 from ..photo import Photo
 from ..render.view import RenderedView, ViewRenderer
 from .matches import BoolArray, ViewMatches
+from .working import GreyImage, WorkingPhoto
 
 MIN_ALPHA = 0.5  # below this a pixel of the render shows the background as much as the scan
 MIN_DEPTH_STD_RATIO = 1e-3
@@ -32,29 +34,34 @@ class Frontend:
 
 @dataclass(frozen=True)
 class Query:
-    """The photo at working size: `intrinsics` with distortion, `features` in its distorted pixels, `points` (N, 2) their ideal
-    image-plane coordinates, `aligned` (H, W) uint8 the undistorted photo, locally normalised, `grey` the same before that.
-    """
+    """The photo at working size with its features, which lie in its distorted pixels."""
 
-    intrinsics: Intrinsics
+    image: WorkingPhoto
     features: Features
-    points: FloatArray
-    grey: NDArray[np.uint8]
-    aligned: NDArray[np.uint8]
 
     @property
     def pinhole(self) -> Intrinsics:
-        return self.intrinsics.pinhole()
+        return self.image.pinhole
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """Ideal image-plane coordinates of the features (N, 2), lens distortion undone."""
+        return self.image.intrinsics.normalise(self.features.keypoints)
+
+    def with_intrinsics(self, k: Intrinsics) -> Query:
+        """The same photo and features under another lens."""
+        return Query(self.image.with_intrinsics(k), self.features)
 
 
 @dataclass(frozen=True)
 class Observation:
-    """One rendered view and its matches with the photo. `grey` (H, W) uint8 is the render, `solid` (H, W) where it is opaque,
-    `median_depth` over that (NaN when there is none), scene units.
+    """One rendered view and its matches with the photo. `camera` is the pinhole it was drawn with, `grey` (H, W) uint8 the
+    render, `solid` (H, W) where it is opaque, `median_depth` over that (NaN when there is none), scene units.
     """
 
     matches: ViewMatches
-    grey: NDArray[np.uint8]
+    camera: Intrinsics
+    grey: GreyImage
     solid: BoolArray
     median_depth: float
 
@@ -70,30 +77,11 @@ class Observation:
 
 def make_query(photo: Photo, intrinsics: Intrinsics, long_side_px: int, frontend: Frontend) -> Query:
     """Resizes the photo and its camera to the working size and extracts its features once."""
-    work = intrinsics.with_long_side(long_side_px)
-    full = cv2.cvtColor(photo.pixels, cv2.COLOR_RGB2GRAY)
-    size = (work.width, work.height)
-    grey = np.asarray(cv2.resize(full, size, interpolation=cv2.INTER_AREA) if full.shape[::-1] != size else full, np.uint8)
-    mask = None
-    if photo.mask is not None:
-        mask = cv2.resize(photo.mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-    features = frontend.extractor.extract(grey, mask)
-    straight = undistorted(grey, work)
-    return Query(work, features, work.normalise(features.keypoints), straight, normalise_locally(straight))
+    image = WorkingPhoto.of(photo, intrinsics, long_side_px)
+    return Query(image, frontend.extractor.extract(image.raw, image.mask))
 
 
-def undistorted(image: NDArray[np.uint8], intrinsics: Intrinsics) -> NDArray[np.uint8]:
-    """`image` as `intrinsics.pinhole()` would have seen it."""
-    if not intrinsics.has_distortion:
-        return image
-    K = intrinsics.matrix
-    K[:2, 2] -= 0.5  # OpenCV puts the centre of the first pixel at 0
-    size = (intrinsics.width, intrinsics.height)
-    map_x, map_y = cv2.initUndistortRectifyMap(K, np.asarray(intrinsics.dist), np.eye(3), K, size, cv2.CV_32FC1)
-    return np.asarray(cv2.remap(image, map_x, map_y, cv2.INTER_CUBIC), np.uint8)
-
-
-def grey_of(view: RenderedView) -> NDArray[np.uint8]:
+def grey_of(view: RenderedView) -> GreyImage:
     """The render as a grey image (H, W) uint8, rounded."""
     rgb = (np.clip(view.color, 0, 1) * 255 + 0.5).astype(np.uint8)
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
@@ -121,7 +109,7 @@ def observe(renderer: ViewRenderer, query: Query, pose: Pose, reference: bool, f
         reference,
     )
     median = float(np.median(view.depth[solid])) if solid.any() else float("nan")
-    return Observation(matches, grey, np.asarray(solid), median)
+    return Observation(matches, pinhole, grey, np.asarray(solid), median)
 
 
 def _distinct(pairs: NDArray[np.intp], a: FloatArray, b: FloatArray) -> NDArray[np.intp]:
@@ -133,9 +121,14 @@ def _distinct(pairs: NDArray[np.intp], a: FloatArray, b: FloatArray) -> NDArray[
 
 def align_matches(observation: Observation, query: Query, keep: BoolArray, aligner: SubpixelAligner) -> ViewMatches:
     """The matches in `keep` (M,), their places in the view aligned to the photo's patches; what does not align is left out."""
-    pinhole = query.pinhole
-    scale, shift = (pinhole.fx, pinhole.fy), (pinhole.cx, pinhole.cy)
-    matches = observation.matches.take(keep)
-    view = normalise_locally(observation.grey)
-    pixels, good = aligner.align(query.aligned, view, matches.query * scale + shift, matches.view * scale + shift)
-    return replace(matches, view=(pixels - shift) / scale).take(good)
+    matches, view = observation.matches.take(keep), normalise_locally(observation.grey)
+    there = observation.camera
+    pixels, good = aligner.align(
+        query.image.aligned, view, to_pixels(query.pinhole, matches.query), to_pixels(there, matches.view)
+    )
+    return replace(matches, view=there.normalise(pixels)).take(good)
+
+
+def to_pixels(pinhole: Intrinsics, points: FloatArray) -> FloatArray:
+    """Image-plane points (N, 2) as pixels of a camera without distortion."""
+    return points * (pinhole.fx, pinhole.fy) + (pinhole.cx, pinhole.cy)

@@ -41,7 +41,8 @@ class PoseQuality:
     coverage: share (0..1) of the photo's 6 x 6 cells that hold an inlier; epipolar_rms_px: RMS of those inliers;
     disagreement: distance between the answers of two halves of the views, in per cent of the median depth, and
     disagreement_deg in degrees (NaN with fewer than four views); translation_std (per cent of the median depth) and
-    rotation_std_deg: deviations from the fit's covariance; agreement, offset_px, similarity: see `verify.FinalView`.
+    rotation_std_deg: deviations from the fit's covariance; focal_std: the same of the focal length, per cent (NaN when it was
+    not solved for); agreement, offset_px, similarity: see `verify.FinalView`.
     """
 
     views_used: int
@@ -52,6 +53,7 @@ class PoseQuality:
     disagreement_deg: float
     translation_std: float
     rotation_std_deg: float
+    focal_std: float
     agreement: float
     offset_px: float
     similarity: float
@@ -62,7 +64,8 @@ class PoseQuality:
 class RefineReport:
     """The end of a refinement. `camera` is the refined camera; when the verdict is "failed" it is the start, unchanged.
 
-    `reasons` are whole sentences; `seconds` is wall time; `quality` is the evidence, None when no pose was found at all.
+    `reasons` are whole sentences; `seconds` is wall time; `quality` is the evidence, None when no pose was found at all;
+    `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop"), `lens` what of the lens was solved for.
     """
 
     camera: Camera
@@ -72,3 +75,5 @@ class RefineReport:
     iterations: tuple[IterationRecord, ...]
     seconds: float
     quality: PoseQuality | None = None
+    stage: str = ""
+    lens: str = "fixed"

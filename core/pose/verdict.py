@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..camera import FloatArray, Intrinsics, Pose, pose_error
-from .epipolar import EpipolarFit, refine_epipolar
+from ..camera import Intrinsics
 from .matches import ViewMatches
 from .report import PoseQuality, Verdict
+from .solution import Solution
 from .verify import FinalView
 
 CELLS = 6
@@ -28,26 +28,27 @@ TRUSTED_COVERAGE = 0.25
 TRUSTED_RMS_PX = 1.0
 TRUSTED_DISAGREEMENT = 0.5  # per cent of the median depth
 TRUSTED_DISAGREEMENT_DEG = 0.4
-SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
 TRUSTED_STD = 0.3  # per cent of the median depth
+TRUSTED_FOCAL_STD = 1.0  # per cent
 
 
-def assess(fit: EpipolarFit, views: Sequence[ViewMatches], view: FinalView, camera: Intrinsics, depth: float) -> PoseQuality:
-    """Gathers the evidence for the pose of `fit`, found from `views`; `depth` is the median rendered depth, scene units."""
-    apart, apart_deg = _halves(fit.pose, views, camera.matrix)
-    translation, rotation = _deviations(fit, depth)
+def assess(solution: Solution, views: Sequence[ViewMatches], seen: FinalView, camera: Intrinsics, depth: float) -> PoseQuality:
+    """Gathers the evidence for a solution. `views`: the loop's matches, found without knowing the answer, made with the pinhole
+    `camera`; `depth`: the median rendered depth, scene units.
+    """
     return PoseQuality(
         views_used=len(views),
         inliers=sum(len(v) for v in views),
         coverage=_coverage(views, camera),
-        epipolar_rms_px=fit.rms_px,
-        disagreement=100 * apart / depth,
-        disagreement_deg=apart_deg,
-        translation_std=100 * translation / depth,
-        rotation_std_deg=rotation,
-        agreement=view.agreement if view.corners >= MIN_CORNERS else 0.0,
-        offset_px=view.offset_px,
-        similarity=view.similarity,
+        epipolar_rms_px=solution.rms_px,
+        disagreement=100 * solution.apart / depth,
+        disagreement_deg=solution.apart_deg,
+        translation_std=100 * solution.translation_std / depth,
+        rotation_std_deg=solution.rotation_std_deg,
+        focal_std=100 * solution.focal_std,
+        agreement=seen.agreement if seen.corners >= MIN_CORNERS else 0.0,
+        offset_px=seen.offset_px,
+        similarity=seen.similarity,
         median_depth=depth,
     )
 
@@ -95,28 +96,12 @@ def _doubts(q: PoseQuality, share: str) -> list[str]:
             not q.translation_std <= TRUSTED_STD,
             f"The fit leaves the position uncertain by {q.translation_std:.2f} % of the median depth.",
         ),
+        (
+            q.focal_std > TRUSTED_FOCAL_STD,  # NaN, when it was not solved for, is no doubt
+            f"The fit leaves the focal length uncertain by {q.focal_std:.1f} %; give it, if it is known.",
+        ),
     ]
     return [sentence for doubtful, sentence in checks if doubtful]
-
-
-def _halves(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> tuple[float, float]:
-    """How far apart (scene units, degrees) the answers of every other view are from those of the rest."""
-    if len(views) < 4:
-        return float("nan"), float("nan")
-    a, b = (refine_epipolar(pose, views[i::2], K).pose for i in (0, 1))
-    return pose_error(a, b)
-
-
-def _deviations(fit: EpipolarFit, depth: float) -> tuple[float, float]:
-    """Standard deviation of the centre (scene units) and of the rotation (degrees), from the fit's covariance."""
-    # Unit-free first: translations as shares of the depth are of the size of angles, so that singular means singular.
-    scale = np.array([depth] * 3 + [1.0] * 3)
-    values, vectors = np.linalg.eigh(fit.information * np.outer(scale, scale))
-    if values[0] <= SINGULAR * values[-1]:
-        return float("inf"), float("inf")
-    covariance = (vectors / values) @ vectors.T
-    # xi = (rho, phi) moves the centre in the world by -R^T rho to first order.
-    return depth * float(np.sqrt(np.trace(covariance[:3, :3]))), float(np.degrees(np.sqrt(np.trace(covariance[3:, 3:]))))
 
 
 def _coverage(views: Sequence[ViewMatches], camera: Intrinsics) -> float:

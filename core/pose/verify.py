@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ..camera import FloatArray, Pose
 from ..features.subpixel import SubpixelAligner, normalise_locally
 from ..render.view import ViewRenderer
-from .observe import MIN_ALPHA, Query, grey_of
+from .observe import MIN_ALPHA, grey_of
+from .working import WorkingPhoto
 
 MAX_CORNERS = 600
 CORNER_QUALITY = 0.01
@@ -41,29 +42,31 @@ class FinalView:
     opaque: float
 
 
-def view_at(renderer: ViewRenderer, query: Query, pose: Pose) -> FinalView:
+def view_at(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose) -> FinalView:
     """Renders the splat at `pose` and measures how it agrees with the photo."""
-    view = renderer.render(query.pinhole, pose)
-    return compare(query, grey_of(view), np.asarray(view.alpha >= MIN_ALPHA))
+    view = renderer.render(photo.pinhole, pose)
+    return compare(photo, grey_of(view), np.asarray(view.alpha >= MIN_ALPHA))
 
 
-def compare(query: Query, grey: NDArray[np.uint8], solid: NDArray[np.bool_]) -> FinalView:
+def compare(photo: WorkingPhoto, grey: NDArray[np.uint8], solid: NDArray[np.bool_]) -> FinalView:
     """How a render, `grey` and `solid` (H, W), agrees with the photo pixel by pixel."""
     render = normalise_locally(grey)
+    if photo.usable is not None:
+        solid = solid & photo.usable
     inner = np.asarray(cv2.erode(solid.astype(np.uint8), np.ones((9, 9), np.uint8), borderValue=0), np.uint8)
-    corners = _corners(query, inner)
+    corners = _corners(photo, inner)
     if len(corners) == 0:
         return FinalView(0, 0.0, float("nan"), 0.0, float(solid.mean()))
-    places, good = FOLLOW.align(query.aligned, render, corners, corners)
+    places, good = FOLLOW.align(photo.aligned, render, corners, corners)
     moved = np.linalg.norm(places - corners, axis=1)
     agreement = float(np.mean(good & (moved < STAYED_PX)))
     offset = float(np.median(moved[good])) if good.any() else float("nan")
-    return FinalView(len(corners), agreement, offset, _correlation(query.aligned, render, inner > 0), float(solid.mean()))
+    return FinalView(len(corners), agreement, offset, _correlation(photo.aligned, render, inner > 0), float(solid.mean()))
 
 
-def _corners(query: Query, mask: NDArray[np.uint8]) -> FloatArray:
+def _corners(photo: WorkingPhoto, mask: NDArray[np.uint8]) -> FloatArray:
     # None where nothing is found, whatever its stub says.
-    found: Any = cv2.goodFeaturesToTrack(query.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
+    found: Any = cv2.goodFeaturesToTrack(photo.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
     if found is None:
         return np.zeros((0, 2))
     return np.asarray(found, np.float64).reshape(-1, 2) + 0.5  # OpenCV puts the centre of the first pixel at 0

@@ -1,0 +1,143 @@
+"""The last stage: renders around the nearly right pose at a finer scale, and the fit that explains them best."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+import numpy as np
+
+from ..camera import Intrinsics, Pose, pose_error
+from ..render.view import ViewRenderer
+from .guided import Corners, follow, match_corners, pick_corners
+from .hypotheses import candidate_poses
+from .joint import JointFit, JointProblem, Stage, fit_joint, held_out_px
+from .lens import LensCamera, LensMode
+from .matches import ViewMatches
+from .settings import RefineSettings
+from .solution import Solution, from_joint
+from .working import WorkingPhoto
+
+log = logging.getLogger(__name__)
+
+MIN_CORNERS = 40  # followed corners in a view; fewer say nothing that the loop's matches did not
+MIN_VIEWS = 2
+MAX_PASSES = 3
+SETTLED = 0.003  # of the median depth, and degrees: a pass that moved less than this ends the stage
+SETTLED_DEG = 0.15
+SETTLED_FOCAL = 0.002
+STAGES: tuple[Stage, ...] = ("joint", "epipolar", "depth")
+AUTO_MARGIN = 0.97  # another stage than the joint one must explain the held-out matches better by this factor
+
+
+@contextmanager
+def view_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
+    """Threads that draw and match views side by side; 0 = one per core. What has not begun is dropped at the end."""
+    pool = ThreadPoolExecutor(threads or os.cpu_count() or 1, thread_name_prefix="gssmc-view")
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def final_stage(
+    renderer: ViewRenderer,
+    photo: WorkingPhoto,
+    start: LensCamera,
+    prior: Intrinsics,
+    settings: RefineSettings,
+    mode: LensMode,
+    rng: np.random.Generator,
+) -> Generator[str, None, Solution | None]:
+    """Refines `start` (intrinsics of `photo`) against fresh renders; yields what it is doing, returns None when too little is
+    seen. `prior` is the lens as it was given, at the photo's size. A pass that still moved the camera is repeated from where it
+    ended, because matches are looked for around the pose.
+    """
+    camera, solution = start, None
+    for _ in range(MAX_PASSES):
+        photo = photo.with_intrinsics(camera.intrinsics)
+        found = yield from _pass(renderer, photo, camera, prior, settings, mode, rng)
+        if found is None:
+            break
+        solution, depth = found
+        distance, degrees = pose_error(solution.camera.pose, camera.pose)
+        zoomed = abs(np.log(solution.camera.intrinsics.focal / camera.intrinsics.focal))
+        camera = solution.camera
+        if distance < SETTLED * depth and degrees < SETTLED_DEG and zoomed < SETTLED_FOCAL:
+            break
+    return solution
+
+
+def _pass(
+    renderer: ViewRenderer,
+    photo: WorkingPhoto,
+    camera: LensCamera,
+    prior: Intrinsics,
+    settings: RefineSettings,
+    mode: LensMode,
+    rng: np.random.Generator,
+) -> Generator[str, None, tuple[Solution, float] | None]:
+    pose = camera.pose
+    yield "rendering the photo's view"
+    view = renderer.render(photo.pinhole, pose)
+    corners = pick_corners(photo, pose, view)
+    depth = float(np.median(view.depth[view.alpha >= 0.5])) if (view.alpha >= 0.5).any() else 0.0
+    if len(corners.pixels) < MIN_CORNERS or depth <= 0:
+        return None
+    reference = match_corners(view, photo, pose, pose, corners, reference=True)
+    poses = candidate_poses(
+        pose, settings.candidates, settings.perturb_translation_ratio * depth, settings.perturb_rotation_deg, rng
+    )
+    views = yield from _followed(renderer, photo, pose, poses, corners, settings.threads)
+    views = [v for v in views if len(v) >= MIN_CORNERS]
+    if len(views) < MIN_VIEWS:
+        return None
+    solution = solve_views(camera, views, reference, photo.intrinsics, prior, settings, mode, depth)
+    return solution, depth
+
+
+def _followed(
+    renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose, poses: Sequence[Pose], corners: Corners, threads: int
+) -> Generator[str, None, list[ViewMatches]]:
+    out = []
+    with view_pool(threads) as pool:
+        jobs = [pool.submit(follow, renderer, photo, pose, p, corners) for p in poses]
+        for k, job in enumerate(jobs):
+            yield f"fine view {k + 1} of {len(jobs)}"
+            out.append(job.result())
+    return out
+
+
+def solve_views(
+    camera: LensCamera,
+    views: Sequence[ViewMatches],
+    reference: ViewMatches,
+    k: Intrinsics,
+    prior: Intrinsics,
+    settings: RefineSettings,
+    mode: LensMode,
+    depth: float,
+) -> Solution:
+    """The fit of the views by the stage of the settings; "auto" takes the one that best explains the reference view's matches,
+    which take no part in any of the fits: at (nearly) no baseline they lean neither to epipolar lines nor to depth.
+    """
+    problem = JointProblem.of(views, k, prior, mode)
+    if settings.final in STAGES:
+        stage: Stage = settings.final
+        return from_joint(fit_joint(camera, problem, stage), problem, stage, depth)
+    fits = {stage: fit_joint(camera, problem, stage) for stage in STAGES}
+    stage = choose(fits, JointProblem.of([reference], k, prior, mode))
+    return from_joint(fits[stage], problem, stage, depth)
+
+
+def choose(fits: dict[Stage, JointFit], held_out: JointProblem) -> Stage:
+    """The joint stage, unless another one explains the held-out matches clearly better."""
+    if not held_out.views or not len(held_out.views[0]):
+        return "joint"
+    errors = {stage: held_out_px(fit.camera, held_out) for stage, fit in fits.items()}
+    log.debug("held-out errors: %s", errors)
+    best = min(errors, key=lambda stage: errors[stage])
+    return best if errors[best] < AUTO_MARGIN * errors["joint"] else "joint"

@@ -1,0 +1,64 @@
+"""Focal length search of the loop: from matches lifted by the rendered depth, before the two-view geometry that needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..camera import FloatArray, Intrinsics
+from .depth_pnp import FOCAL_SCALES, lifted, pnp_pose
+from .matches import bearings
+from .observe import Observation, Query
+
+MIN_SUPPORT = 40  # lifted matches that must land near their pixel before a focal length is believed
+SUPPORT_PX = 6.0
+MAX_RATIO = 2.2  # a focal length that has run farther from the guess than this has run away
+SETTLED = 0.04  # a change smaller than this leaves renders and photo at the same scale, as far as matching goes
+NEAR_SCALES = np.geomspace(0.9, 1.1, 3)
+
+
+@dataclass(frozen=True)
+class Refocused:
+    """The query under the focal length that was found, the observations' matches likewise, and by what factor it changed."""
+
+    query: Query
+    observations: list[Observation]
+    change: float
+
+    @property
+    def settled(self) -> bool:
+        return abs(float(np.log(self.change))) < SETTLED
+
+
+def refocus(query: Query, observations: list[Observation], prior: Intrinsics, first: bool) -> Refocused:
+    """Solves pose and focal length together from all lifted matches; unchanged when too few of them agree.
+
+    `first`: nothing is known of the focal length yet, so the whole range of factors is tried instead of those near 1.
+    """
+    unchanged = Refocused(query, observations, 1.0)
+    views = [o.matches for o in observations]
+    found = pnp_pose(views, query.pinhole.focal, FOCAL_SCALES if first else NEAR_SCALES)
+    if found is None:
+        return unchanged
+    pose, scale = found
+    points, seen = lifted(views)
+    p = pose.transform(points)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.linalg.norm(p[:, :2] / p[:, 2:] * scale - seen, axis=1) * query.pinhole.focal
+    ratio = scale * query.pinhole.focal / prior.focal
+    if ((error < SUPPORT_PX) & (p[:, 2] > 0)).sum() < MIN_SUPPORT or not 1 / MAX_RATIO < ratio < MAX_RATIO:
+        return unchanged
+    old = query.image.intrinsics
+    new = replace(old, fx=old.fx * scale, fy=old.fy * scale)
+    return Refocused(query.with_intrinsics(new), renormalised(observations, old, new), scale)
+
+
+def renormalised(observations: Sequence[Observation], old: Intrinsics, new: Intrinsics) -> list[Observation]:
+    """The same observations with the photo's ideal coordinates taken under another lens."""
+
+    def again(points: FloatArray) -> FloatArray:
+        return new.normalise(old.project(bearings(points)))
+
+    return [replace(o, matches=replace(o.matches, query=again(o.matches.query))) for o in observations]

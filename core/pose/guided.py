@@ -1,0 +1,96 @@
+"""Matches of the last stage: corners spread over the photo, followed into renders where the nearly right pose says they are.
+
+Once the pose is known to a pixel or two, nothing has to be searched for: the rendered depth tells where each corner must appear
+in a neighbouring render, and aligning the patch there gives its place to a tenth of a pixel. Unlike detected keypoints these
+corners cover the photo evenly, and no descriptor is computed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..camera import FloatArray, Pose
+from ..features.subpixel import SubpixelAligner, normalise_locally
+from ..render.view import RenderedView, ViewRenderer
+from .matches import BoolArray, ViewMatches, bearings
+from .observe import MIN_ALPHA, MIN_DEPTH_STD_RATIO, grey_of
+from .solve import gate
+from .working import WorkingPhoto
+
+MAX_CORNERS = 1500
+CORNER_QUALITY = 0.005
+SPACING = 1 / 120  # of the long side, between corners
+WINDOW = 1 / 38  # of the long side: the patch that is aligned
+MOVE = 1 / 240  # of the long side: how far a corner may lie from where the pose says it is
+BORDER_PX = 4
+GATE_PX = 4.0
+
+
+@dataclass(frozen=True)
+class Corners:
+    """Corners of the photo: `pixels` (N, 2) in the undistorted photo, `world` (N, 3) what the splat shows there."""
+
+    pixels: FloatArray
+    world: FloatArray
+
+
+def pick_corners(photo: WorkingPhoto, pose: Pose, view: RenderedView) -> Corners:
+    """Corners where the render at `pose` is opaque and the photo may be used."""
+    solid = view.alpha >= MIN_ALPHA
+    if photo.usable is not None:
+        solid = solid & photo.usable
+    side = 2 * BORDER_PX + 1
+    mask = cv2.erode(solid.astype(np.uint8), np.ones((side, side), np.uint8), borderValue=0)
+    spacing = max(photo.raw.shape) * SPACING
+    # None where nothing is found, whatever its stub says.
+    found: Any = cv2.goodFeaturesToTrack(photo.aligned, MAX_CORNERS, CORNER_QUALITY, spacing, mask=mask)
+    pixels = np.zeros((0, 2)) if found is None else np.asarray(found, np.float64).reshape(-1, 2) + 0.5
+    depth = sample(view.depth, pixels)
+    rays = bearings(photo.pinhole.normalise(pixels))
+    return Corners(pixels, (rays * depth[:, None] - pose.t) @ pose.R)
+
+
+def follow(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose, at: Pose, corners: Corners) -> ViewMatches:
+    """Renders the splat at `at` and follows the corners there; `pose` is the photo's pose as known so far."""
+    return match_corners(renderer.render(photo.pinhole, at), photo, pose, at, corners, reference=False)
+
+
+def match_corners(
+    view: RenderedView, photo: WorkingPhoto, pose: Pose, at: Pose, corners: Corners, reference: bool
+) -> ViewMatches:
+    """Matches of the corners with `view`, rendered at `at`: those that align there and back, and lie where geometry allows."""
+    k, long_side = photo.pinhole, max(photo.raw.shape)
+    guess, inside = _predicted(photo, at, corners.world)
+    start, guess = corners.pixels[inside], guess[inside]
+    aligner = SubpixelAligner(window_px=round(long_side * WINDOW) | 1, max_move_px=long_side * MOVE)
+    pixels, good = aligner.align(photo.aligned, normalise_locally(grey_of(view)), start, guess)
+    start, pixels = start[good], pixels[good]
+    depth = np.where(sample(view.alpha, pixels) > MIN_ALPHA, sample(view.depth, pixels), np.nan)
+    std = np.sqrt(np.maximum(sample(view.depth_variance, pixels), 0.0))
+    std = np.maximum(std, MIN_DEPTH_STD_RATIO * depth)
+    matches = ViewMatches(at, k.normalise(start), k.normalise(pixels), depth, std, reference)
+    matches = matches.take(np.isfinite(depth) & (depth > 0))
+    return matches.take(gate(pose, matches, k.matrix, GATE_PX))
+
+
+def _predicted(photo: WorkingPhoto, at: Pose, world: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Pixels (N, 2) of world points in the view at `at`, and which lie inside it (N,)."""
+    k = photo.pinhole
+    pixels = k.project(at.transform(world))  # NaN behind the camera, which compares as outside
+    with np.errstate(invalid="ignore"):
+        inside = (pixels > 0).all(1) & (pixels < (k.width, k.height)).all(1)
+    return pixels, np.asarray(inside)
+
+
+def sample(image: NDArray[np.float32], pixels: FloatArray) -> FloatArray:
+    """`image` (H, W) at `pixels` (N, 2), bilinear, as float64 (N,)."""
+    if len(pixels) == 0:
+        return np.zeros(0)
+    at = np.ascontiguousarray(pixels - 0.5, np.float32)  # OpenCV puts the centre of the first pixel at 0
+    found = cv2.remap(image, at[:, :1], at[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found, np.float64).ravel()

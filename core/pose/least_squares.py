@@ -1,0 +1,49 @@
+"""Levenberg-Marquardt on any state: the caller says what the normal equations are and how a step moves the state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from ..camera import FloatArray
+
+MAX_STEPS = 30
+MIN_GAIN = 1e-7  # relative fall of the cost under which the search has ended
+MAX_DAMPING = 1e8
+
+State = TypeVar("State")
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """Cost, its gradient J^T W r (n,) and the Gauss-Newton matrix J^T W J (n, n) at one state."""
+
+    cost: float
+    gradient: FloatArray
+    information: FloatArray
+
+
+def levenberg_marquardt(
+    state: State, equations: Callable[[State], NormalEquations], move: Callable[[State, FloatArray], State]
+) -> State:
+    """The state of least cost near `state`; `move(state, step)` applies a step (n,)."""
+    damping, now = 1e-3, equations(state)
+    for _ in range(MAX_STEPS):
+        diagonal = np.maximum(np.diag(now.information), 1e-12)
+        step = np.linalg.solve(now.information + damping * np.diag(diagonal), -now.gradient)
+        trial = move(state, step)
+        new = equations(trial)
+        if new.cost < now.cost:
+            gain = (now.cost - new.cost) / max(now.cost, 1e-300)
+            state, now = trial, new
+            damping = max(damping / 10, 1e-9)
+            if gain < MIN_GAIN:
+                break
+        else:
+            damping *= 10
+            if damping > MAX_DAMPING:
+                break
+    return state

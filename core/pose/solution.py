@@ -1,0 +1,70 @@
+"""What a refinement hands to the verdict: a camera, and how sure the fit that gave it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera import FloatArray, Intrinsics, pose_error
+from .epipolar import EpipolarFit, refine_epipolar
+from .joint import JointFit, JointProblem, Stage, fit_joint
+from .lens import LensCamera
+from .matches import ViewMatches
+
+SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
+
+
+@dataclass(frozen=True)
+class Solution:
+    """`camera`: pose and intrinsics of the image that was matched. `stage`: which fit gave it ("epipolar", "depth", "joint", or
+    "loop" where the loop's own answer stands). rms_px: residuals across the epipolar lines, of that image's pixels.
+    translation_std (scene units), rotation_std_deg, focal_std (share of the focal length, NaN when it was not solved for): from
+    the fit's covariance, infinite where a direction is unseen. apart, apart_deg: distance between the answers of two halves of
+    the views, scene units and degrees, NaN with fewer than four views.
+    """
+
+    camera: LensCamera
+    stage: Stage | str
+    rms_px: float
+    translation_std: float
+    rotation_std_deg: float
+    focal_std: float
+    apart: float
+    apart_deg: float
+
+
+def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics, depth: float) -> Solution:
+    """The loop's own answer as a solution. `depth`: median rendered depth, scene units."""
+    apart = (float("nan"), float("nan"))
+    if len(views) >= 4:
+        a, b = (refine_epipolar(fit.pose, views[i::2], k.matrix).pose for i in (0, 1))
+        apart = pose_error(a, b)
+    deviations = _deviations(fit.information, depth)
+    return Solution(LensCamera(fit.pose, k), "loop", fit.rms_px, *deviations, *apart)
+
+
+def from_joint(fit: JointFit, problem: JointProblem, stage: Stage, depth: float) -> Solution:
+    """A fit of the last stage as a solution."""
+    apart = (float("nan"), float("nan"))
+    if len(problem.views) >= 4:
+        a, b = (fit_joint(fit.camera, problem.part(slice(i, None, 2)), stage).camera.pose for i in (0, 1))
+        apart = pose_error(a, b)
+    return Solution(fit.camera, stage, fit.rms_px, *_deviations(fit.information, depth), *apart)
+
+
+def _deviations(information: FloatArray, depth: float) -> tuple[float, float, float]:
+    """Standard deviations: of the centre (scene units), of the rotation (degrees), of log f (NaN when not free)."""
+    # Unit-free first: translations as shares of the depth are of the size of angles, so that singular means singular.
+    scale = np.ones(len(information))
+    scale[:3] = depth
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    free = len(information) > 6
+    if values[0] <= SINGULAR * values[-1]:
+        return float("inf"), float("inf"), float("inf") if free else float("nan")
+    covariance = (vectors / values) @ vectors.T
+    # xi = (rho, phi) moves the centre in the world by -R^T rho to first order.
+    translation = depth * float(np.sqrt(np.trace(covariance[:3, :3])))
+    rotation = float(np.degrees(np.sqrt(np.trace(covariance[3:6, 3:6]))))
+    return translation, rotation, float(np.sqrt(covariance[6, 6])) if free else float("nan")
