@@ -21,7 +21,9 @@ Float32Array = NDArray[np.float32]
 IndexArray = NDArray[np.intp]
 
 PIXELS = TILE * TILE
-ROUND_PAIRS = 16384  # pairs per round: large calls, so that two threads seldom wait for the interpreter lock
+ROUND_PAIRS = (
+    8192  # pairs per round: two buffers of 2 MB; larger calls pass the interpreter lock less often but leave the cache
+)
 SEGMENT_PAIRS = 49152  # pairs whose parameters are gathered at once, for several rounds
 DEPTH_MAX = 255  # levels of a round: tiles turn opaque, and a byte counts the levels before a pixel ends
 GROUP_SIZES = (16, 8, 5, 3)  # levels of a group; 0.01^16 is still a normal number

@@ -15,7 +15,7 @@ Int32Array = NDArray[np.int32]
 
 TILE = 8  # pixels along each side of a tile
 BATCH_PAIRS = 49152  # pairs of a batch: some twenty batches in a photo, so that two threads end together
-TILE_COST = 4  # what a tile counts at least, in pairs; bounds the tiles of a batch
+TILE_COST = 8  # what a tile counts at least, in pairs; bounds the tiles of a batch
 
 
 @dataclass(frozen=True)
