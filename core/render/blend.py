@@ -1,4 +1,4 @@
-"""Front-to-back compositing of one band of tiles: all live tiles in lockstep, some Gaussians deep at a time.
+"""Front-to-back compositing of a batch of tiles: all live tiles in lockstep, some Gaussians deep at a time.
 
 The exponent of a (Gaussian, tile) pair is linear in (1, u, v, u^2, uv, v^2) of the pixel, so a round's exponents are one
 matrix product; so are the sums over depth of weight times (colour, 1, depth).
@@ -14,152 +14,186 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import constants as c
-from .project import Splats
+from .project import Run, Splats
 from .tiles import TILE, TileLists
 
 Float32Array = NDArray[np.float32]
 IndexArray = NDArray[np.intp]
 
 PIXELS = TILE * TILE
-ROUND_PAIRS = 16384  # pairs per round: large calls, so that two threads seldom wait for the interpreter lock
-DEPTH_MAX = 32
+ROUND_PAIRS = (
+    8192  # pairs per round: two buffers of 2 MB; larger calls pass the interpreter lock less often but leave the cache
+)
+SEGMENT_PAIRS = 49152  # pairs whose parameters are gathered at once, for several rounds
+DEPTH_MAX = 255  # levels of a round: tiles turn opaque, and a byte counts the levels before a pixel ends
+GROUP_SIZES = (16, 8, 5, 3)  # levels of a group; 0.01^16 is still a normal number
 GEMM_ROWS = 512  # OpenBLAS starts threads of its own only above M N K = 262144; 512 x 64 x 6 stays below
 EXPONENT_MIN = -60.0  # far under 1/255; cv2.exp is slow where it underflows
 LOG_ALPHA_MAX = float(np.log(np.float32(c.ALPHA_MAX)))
 SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))  # cv2's test is "greater", ours "at least"
 CHANNELS = 6  # r, g, b, 1, z - z0, (z - z0)^2
+TABLE_CHUNK = 1 << 15  # Gaussians per work item of the table
 ROW = 16  # floats per table row: one cache line, so that a pair costs one miss
-MX, MY, L1, L2, L3, LOG_OPACITY, XX, XY, YY, Z, FEATURES = range(11)
+MX, MY, Z, L1, L2, L3, LOG_OPACITY, XX, XY, YY, FEATURES = range(11)
 
 
 @dataclass(frozen=True)
-class BandImage:
-    """Sums over one band, (tiles, CHANNELS, PIXELS), and the depth z0 (tiles,) that its depths are relative to."""
+class TileImage:
+    """Sums over each tile's Gaussians, (tiles, CHANNELS, PIXELS), and the depth z0 (tiles,) that its depths are relative to."""
 
     sums: Float32Array
     z0: Float32Array
 
 
-def splat_table(splats: Splats) -> Float32Array:
-    """The columns that blending gathers, one row per Gaussian (M + 1, ROW); the last row is transparent padding."""
-    table = np.zeros((len(splats) + 1, ROW), np.float32)
-    body, half = table[:-1], np.float32(-0.5)
-    l1, l2, l3 = splats.l1, splats.l2, splats.l3
-    columns = (splats.mx, splats.my, l1, l2, l3, splats.log_opacity)
-    columns += (half * l1 * l1, -l1 * l2, half * (l2 * l2 + l3 * l3), splats.z, *splats.color)
-    for i, column in enumerate(columns):
-        body[:, i] = column
-    body[:, FEATURES + 3] = 1
+def splat_table(splats: Splats, run: Run) -> Float32Array:
+    """The columns that blending gathers, one row per Gaussian (M + 1, ROW); the last row is transparent padding.
+
+    l1, l2, l3 are divided by sqrt(2), so that the exponent is log_opacity - (l1 dx + l2 dy)^2 - (l3 dy)^2.
+    """
+    count = len(splats)
+    table = np.zeros((count + 1, ROW), np.float32)
     table[-1, LOG_OPACITY] = 2 * EXPONENT_MIN
+
+    def fill(begin: int) -> None:
+        part = slice(begin, min(begin + TABLE_CHUNK, count))
+        body, half = table[part], np.float32(np.sqrt(0.5))
+        l1, l2, l3 = (half * column[part] for column in (splats.l1, splats.l2, splats.l3))
+        body[:, MX], body[:, MY], body[:, Z] = splats.mx[part], splats.my[part], splats.z[part]
+        body[:, L1], body[:, L2], body[:, L3] = l1, l2, l3
+        body[:, LOG_OPACITY] = splats.log_opacity[part]
+        body[:, XX], body[:, XY], body[:, YY] = -l1 * l1, np.float32(-2) * l1 * l2, -(l2 * l2 + l3 * l3)
+        body[:, FEATURES : FEATURES + 3] = splats.color[:, part].T
+        body[:, FEATURES + 3] = 1
+
+    list(run(fill, range(0, count, TABLE_CHUNK)))
     return table
 
 
 def pixel_basis() -> Float32Array:
-    """(1, u, v, u^2, uv, v^2) of a tile's pixels, relative to its centre, (6, PIXELS), x fastest."""
+    """(1, u^2, uv, v^2, 2u, 2v) of a tile's pixels, relative to its centre, (6, PIXELS), x fastest."""
     v, u = (a.ravel().astype(np.float32) + np.float32(0.5 - TILE / 2) for a in np.indices((TILE, TILE)))
-    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+    return np.stack([np.ones_like(u), u * u, u * v, v * v, 2 * u, 2 * v])
 
 
 class Scratch:
     """Memory of one worker, kept between rounds and frames: fresh pages would cost more than the arithmetic."""
 
-    def __init__(self, tiles: int = 0) -> None:
-        self.pairs = max(ROUND_PAIRS, tiles)
-        pairs = self.pairs + GEMM_ROWS
+    def __init__(self) -> None:
+        pairs = SEGMENT_PAIRS + GEMM_ROWS
         self.rows = np.empty((pairs, ROW), np.float32)
         self.columns = np.empty(ROW * pairs, np.float32)
-        self.coefficients = np.zeros((6, pairs), np.float32)
-        self.work = np.empty((3, pairs), np.float32)
-        self.weights = np.empty((pairs, PIXELS), np.float32)
-        self.transmittance = np.empty((pairs + self.pairs) * PIXELS, np.float32)
+        self.work = np.empty(3 * pairs, np.float32)
+        self.weights = np.empty((ROUND_PAIRS + GEMM_ROWS, PIXELS), np.float32)
+        self.transmittance = np.empty(2 * ROUND_PAIRS * PIXELS, np.float32)
         self.basis = pixel_basis()
 
 
-def blend_band(
+def blend_tiles(
     table: Float32Array,
     lists: TileLists,
-    centres: Float32Array,
+    batch: IndexArray,
+    centre: Float32Array,
     inside: Float32Array,
+    image: TileImage,
     scratch: Scratch,
     poll: Callable[[], None],
-) -> BandImage:
-    """Composite a band. centres (2, tiles): x, y of tile centres; inside (tiles, PIXELS): 1 where the pixel exists, else 0."""
-    tiles = len(lists.count)
-    image = BandImage(np.zeros((tiles, CHANNELS, PIXELS), np.float32), np.zeros(tiles, np.float32))
-    live = np.flatnonzero(lists.count)
-    image.z0[live] = table[lists.splats[lists.start[live]], Z]
-    position, remaining = lists.start[live], lists.count[live]
-    centre, z0, transmittance = centres[:, live], image.z0[live], inside[live]
+) -> None:
+    """Composite the tiles `batch` (n,) of the lists, none of them empty, at most ROUND_PAIRS of them, into the image.
+
+    centre (2, n): x, y of tile centres; inside (n, PIXELS): 1 where the pixel exists, else 0.
+    """
+    live, transmittance = batch, inside
+    state = np.stack([lists.start[live], lists.count[live]])  # next list entry, entries left
+    z0 = image.z0[live] = table[lists.splats[state[0]], Z]
+    offset = np.concatenate([centre, z0[None]])
     sums = np.zeros((len(live), CHANNELS, PIXELS), np.float32)
     while len(live):
-        poll()
-        depth = max(1, min(scratch.pairs // len(live), DEPTH_MAX, int(remaining.max())))
-        g = _gather_index(lists.splats, position, remaining, depth, len(table) - 1)
-        rows = _coefficients(table, g, centre, z0, scratch)
-        weights = _alpha(g.shape, scratch)
-        _composite(weights, transmittance, scratch)
-        sums += np.matmul(rows.transpose(1, 2, 0)[:, FEATURES:, :], weights.transpose(1, 0, 2))
-        position += depth
-        remaining -= depth
-        stay = (remaining > 0) & (transmittance.max(axis=1) > 0)
+        depth = max(1, min(SEGMENT_PAIRS // len(live), int(state[1].max())))
+        g = _gather_index(lists.splats, state, depth, len(table) - 1)
+        segment = _coefficients(table, g, offset, scratch)
+        done, seeing = _blend_segment(*segment, transmittance, sums, scratch, poll)
+        state += ((done,), (-done,))
+        stay = (state[1] > 0) & seeing
         if not stay.all():
             image.sums[live[~stay]] = sums[~stay]
-            live, position, remaining, centre = live[stay], position[stay], remaining[stay], centre[:, stay]
-            z0, transmittance, sums = z0[stay], transmittance[stay], sums[stay]
-    return image
+            live, state, offset = live[stay], state[:, stay], offset[:, stay]
+            transmittance, sums = transmittance[stay], sums[stay]
 
 
-def _gather_index(
-    splats: NDArray[np.int32], position: IndexArray, remaining: IndexArray, depth: int, pad: int
-) -> NDArray[np.int32]:
+def _blend_segment(
+    rows: Float32Array,
+    coefficients: Float32Array,
+    transmittance: Float32Array,
+    sums: Float32Array,
+    scratch: Scratch,
+    poll: Callable[[], None],
+) -> tuple[int, NDArray[np.bool_]]:
+    """Add the pairs of one segment, round by round, until half of its tiles are opaque.
+
+    Returns the levels that were added and which tiles (n,) are not opaque yet. rows (depth, n, ROW), coefficients (6, pairs
+    and padding); transmittance (n, PIXELS) and sums (n, CHANNELS, PIXELS) are updated.
+    """
+    depth, tiles, _ = rows.shape
+    step = max(1, min(ROUND_PAIRS // tiles, DEPTH_MAX))
+    for begin in range(0, depth, step):
+        poll()
+        end = min(begin + step, depth)
+        weights = _alpha(coefficients[:, begin * tiles :], (end - begin, tiles), scratch)
+        _composite(weights, transmittance, scratch)
+        sums += np.matmul(rows[begin:end].transpose(1, 2, 0)[:, FEATURES:, :], weights.transpose(1, 0, 2))
+        seeing = transmittance.max(axis=1) > 0
+        if 2 * np.count_nonzero(seeing) < tiles:
+            break
+    return end, seeing
+
+
+def _gather_index(splats: NDArray[np.int32], state: IndexArray, depth: int, pad: int) -> NDArray[np.int32]:
     """Table rows of the next `depth` Gaussians of every live tile, (depth, tiles)."""
     level = np.arange(depth)[:, None]
-    g = splats.take(position + level, mode="clip")
-    if remaining.min() < depth:
-        g[level >= remaining] = pad
+    g: NDArray[np.int32] = splats.take(state[0] + level, mode="clip")
+    if state[1].min() < depth:
+        g[level >= state[1]] = pad
     return g
 
 
 def _coefficients(
-    table: Float32Array, g: NDArray[np.int32], centre: Float32Array, z0: Float32Array, scratch: Scratch
-) -> Float32Array:
-    """Fills the exponents' coefficients of the pairs g (depth, tiles); returns their table rows with relative depths."""
+    table: Float32Array, g: NDArray[np.int32], offset: Float32Array, scratch: Scratch
+) -> tuple[Float32Array, Float32Array]:
+    """Table rows of the pairs g (depth, tiles) with relative depths, and their exponents' coefficients (6, pairs and padding).
+
+    offset (3, tiles): what x, y and z are relative to.
+    """
     pairs = g.size
+    padded = pairs + GEMM_ROWS  # a round's matrix product reads up to one block beyond its pairs
     rows = scratch.rows[:pairs]
     table.take(g.ravel(), axis=0, out=rows, mode="clip")
-    columns = scratch.columns[: ROW * pairs].reshape(ROW, pairs)
-    cv2.transpose(rows, columns)
-    grid = columns.reshape(ROW, *g.shape)
-    grid[MX] -= centre[0]
-    grid[MY] -= centre[1]
-    grid[Z] -= z0
-    rows[:, FEATURES + 4] = columns[Z]
-    np.square(columns[Z], out=rows[:, FEATURES + 5])
-    mx, my, l1, l2, l3 = columns[:5]
-    out = scratch.coefficients[:, :pairs]
-    p, s, t = scratch.work[:, :pairs]
-    np.multiply(l1, mx, out=p)
-    np.multiply(l2, my, out=t)
+    columns = scratch.columns[: ROW * padded].reshape(ROW, padded)
+    cv2.transpose(rows, columns[:, :pairs])
+    columns[:, pairs:] = 0
+    relative = columns[:L1, :pairs].reshape(L1, *g.shape)
+    relative -= offset[:, None]
+    rows[:, FEATURES + 4] = columns[Z, :pairs]
+    np.square(columns[Z, :pairs], out=rows[:, FEATURES + 5])
+    work = scratch.work[: 3 * padded].reshape(3, padded)
+    p, t, s = work
+    l3, linear = columns[L3], columns[FEATURES : FEATURES + 2]
+    np.multiply(columns[MX : MY + 1], columns[L1 : L2 + 1], out=work[:2])
+    np.multiply(columns[MY], l3, out=s)
     p += t
-    np.multiply(l3, my, out=s)
-    np.multiply(p, l1, out=out[1])
-    np.multiply(p, l2, out=out[2])
+    np.multiply(columns[L1 : L2 + 1], p, out=linear)
     np.multiply(s, l3, out=t)
-    out[2] += t
-    np.square(p, out=p)
-    np.square(s, out=s)
-    p += s
-    p *= np.float32(-0.5)
-    np.add(p, columns[LOG_OPACITY], out=out[0])
-    out[3:] = columns[XX : YY + 1]
-    return rows.reshape(*g.shape, ROW)
+    linear[1] += t
+    np.square(work, out=work)
+    columns[LOG_OPACITY] -= p
+    columns[LOG_OPACITY] -= s
+    return rows.reshape(*g.shape, ROW), columns[LOG_OPACITY : FEATURES + 2]
 
 
-def _alpha(shape: tuple[int, ...], scratch: Scratch) -> Float32Array:
+def _alpha(coefficients: Float32Array, shape: tuple[int, ...], scratch: Scratch) -> Float32Array:
     """Alpha of every pair at every pixel of its tile, (depth, tiles, PIXELS); 0 where under 1/255."""
     pairs = shape[0] * shape[1]
     padded = -(-pairs // GEMM_ROWS) * GEMM_ROWS
-    blocks = scratch.coefficients[:, :padded].reshape(6, -1, GEMM_ROWS).transpose(1, 2, 0)
+    blocks = coefficients[:, :padded].reshape(6, -1, GEMM_ROWS).transpose(1, 2, 0)
     np.matmul(blocks, scratch.basis, out=scratch.weights[:padded].reshape(-1, GEMM_ROWS, PIXELS))
     # one row: OpenCV splits work between its own threads by rows
     flat = scratch.weights[:pairs].reshape(1, -1)
@@ -170,22 +204,48 @@ def _alpha(shape: tuple[int, ...], scratch: Scratch) -> Float32Array:
 
 
 def _composite(weights: Float32Array, transmittance: Float32Array, scratch: Scratch) -> None:
-    """Alphas (depth, tiles, PIXELS) to blending weights, in place; pixels that end get transmittance 0.
-
-    One small call per level, the rest in bulk: two threads that call often spend their time passing the interpreter lock.
-    """
+    """Alphas (depth, tiles, PIXELS) to blending weights, in place; pixels that end get transmittance 0."""
     depth = len(weights)
-    before = scratch.transmittance[: (depth + 1) * transmittance.size].reshape(depth + 1, *transmittance.shape)
-    np.subtract(np.float32(1), weights, out=weights)
-    before[0] = transmittance
-    for d, level in enumerate(weights):
-        np.multiply(before[d], level, out=before[d + 1])
+    before = scratch.transmittance[: (depth + 1) * transmittance.size].reshape(depth + 1, -1)
+    passed = weights.reshape(depth, -1)
+    np.subtract(np.float32(1), passed, out=passed)
+    before[0] = transmittance.ravel()
+    _scan(passed, before)
     after = before[1:].reshape(1, -1)
     cv2.threshold(after, c.TRANSMITTANCE_MIN, 0, cv2.THRESH_TOZERO, after)
-    np.subtract(before[:-1], before[1:], out=weights)
-    ended = np.flatnonzero((before[-1] == 0) & (transmittance > 0))
+    np.subtract(before[:-1], before[1:], out=passed)
+    ended = np.flatnonzero((before[-1] == 0) & (before[0] > 0))
     if len(ended):
         # the Gaussian that would take a pixel below the limit does not count
-        first = before[1:].reshape(depth, -1).take(ended, axis=1).argmin(axis=0)
-        weights.reshape(depth, -1)[first, ended] = 0
-    transmittance[:] = before[-1]
+        first = (before[1:].take(ended, axis=1) > 0).view(np.uint8).sum(axis=0, dtype=np.uint8)
+        passed[first, ended] = 0
+    transmittance[:] = before[-1].reshape(transmittance.shape)
+
+
+def _scan(passed: Float32Array, before: Float32Array) -> None:
+    """before[d + 1] = before[d] * passed[d] down the levels, before[0] given; passed (depth, n), before (depth + 1, n).
+
+    Groups of levels side by side, then the products from group to group, then the groups multiplied with what reaches them:
+    a call per level would be a thousand more per frame, and threads that call often spend their time passing the interpreter
+    lock.
+    """
+    depth, n = passed.shape
+    size = next((s for s in GROUP_SIZES if s * s <= depth), 1)
+    groups = depth // size
+    whole = groups * size if size > 1 else 0
+    if whole:
+        inner, factor = before[1 : whole + 1].reshape(groups, size, n), passed[:whole].reshape(groups, size, n)
+        np.multiply(factor[:, 0], factor[:, 1], out=inner[:, 1])
+        for i in range(2, size):
+            np.multiply(inner[:, i - 1], factor[:, i], out=inner[:, i])
+        ends = before[: whole + 1 : size]
+        for g in range(groups):
+            np.multiply(ends[g], ends[g + 1], out=ends[g + 1])
+            if size == GROUP_SIZES[0]:
+                # what the limit would end anyway, before it gets too small for fast arithmetic
+                end = ends[g + 1].reshape(1, -1)
+                cv2.threshold(end, c.TRANSMITTANCE_MIN, 0, cv2.THRESH_TOZERO, end)
+        np.multiply(ends[:-1], factor[:, 0], out=inner[:, 0])
+        inner[:, 1:-1] *= ends[:-1, None]
+    for d in range(whole, depth):
+        np.multiply(before[d], passed[d], out=before[d + 1])

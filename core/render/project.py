@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from . import constants as c
 from .tables import SceneTables
 
 Float32Array = NDArray[np.float32]
+Run = Callable[..., Iterator[Any]]  # map, or that of a thread pool
 
 MAX_PIXEL_MARGIN = 1.9  # sqrt(2 ln 255 * 0.3): how far the low-pass alone can carry a Gaussian, pixels
 
@@ -68,7 +71,7 @@ def project_chunk(tables: SceneTables, view: View, part: slice) -> Splats | None
     if not len(index):
         return None
     whole = index + part.start
-    axes = np.matmul(view.R.astype(np.float32), tables.axes[:, whole].reshape(3, -1)).reshape(3, 3, -1)
+    axes = np.matmul(view.R.astype(np.float32), tables.axes.take(whole, axis=1).reshape(3, -1)).reshape(3, 3, -1)
     u, v = x / z, y / z
     mx, my = np.float32(k.fx) * u + np.float32(k.cx), np.float32(k.fy) * v + np.float32(k.cy)
     np.clip(u, *(np.float32(r) for r in view.u_range), out=u)
@@ -80,26 +83,26 @@ def project_chunk(tables: SceneTables, view: View, part: slice) -> Splats | None
     det = _determinant(row_x, row_y, a, cc)
     a += low
     cc += low
-    cut = tables.cut[whole]
+    cut = tables.cut.take(whole)
     ex, ey = np.sqrt(cut * a), np.sqrt(cut * cc)
     hit = np.flatnonzero((mx + ex >= 0.5) & (mx - ex <= k.width - 0.5) & (my + ey >= 0.5) & (my - ey <= k.height - 0.5))
     if not len(hit):
         return None
-    cc, det, b = cc[hit], det[hit], b[hit]
-    whole, cut, ex = whole[hit], cut[hit], ex[hit]
+    cc, det, b = cc.take(hit), det.take(hit), b.take(hit)
+    whole, cut, ex = whole.take(hit), cut.take(hit), ex.take(hit)
     return Splats(
-        mx=mx[hit],
-        my=my[hit],
+        mx=mx.take(hit),
+        my=my.take(hit),
         l1=np.sqrt(cc / det).astype(np.float32),
         l2=(-b / np.sqrt(cc * det)).astype(np.float32),
         l3=np.asarray(np.float32(1) / np.sqrt(cc)),
         ex=ex,
-        ey=ey[hit],
+        ey=ey.take(hit),
         cut=cut,
         tilt=b * cut / ex,
         skew=-b / cc,
-        log_opacity=tables.log_opacity[whole],
-        z=z[hit],
+        log_opacity=tables.log_opacity.take(whole),
+        z=z.take(hit),
         color=_colors(tables, view, whole),
     )
 
@@ -119,7 +122,7 @@ def _cull(
     near &= off_x <= np.float32(view.gain_x) * reach
     near &= off_y <= np.float32(view.gain_y) * reach
     index = np.flatnonzero(near)
-    return index, x[index], y[index], z[index]
+    return index, x.take(index), y.take(index), z.take(index)
 
 
 def _determinant(row_x: Float32Array, row_y: Float32Array, a: Float32Array, c_: Float32Array) -> NDArray[np.float64]:
@@ -143,13 +146,13 @@ def _dot(p: Float32Array, q: Float32Array) -> Float32Array:
 def _colors(tables: SceneTables, view: View, index: NDArray[np.intp]) -> Float32Array:
     """RGB of the Gaussians at `index` seen from the camera centre, (3, n)."""
     sh = tables.sh
-    out = sh[0][:, index] * np.float32(c.SH_C0)
+    out = sh[0].take(index, axis=1) * np.float32(c.SH_C0)
     out += np.float32(0.5)
     if len(sh) > 1:
-        d = tables.means[:, index] - view.centre[:, None]
+        d = tables.means.take(index, axis=1) - view.centre[:, None]
         d /= np.maximum(np.sqrt(_dot(d, d)), np.float32(1e-30))
         for coefficient, basis in zip(sh[1:], _sh_basis(d, len(sh)), strict=True):
-            out += coefficient[:, index] * basis
+            out += coefficient.take(index, axis=1) * basis
     return np.asarray(np.maximum(out, np.float32(0.0)))
 
 
@@ -175,18 +178,21 @@ def _sh_basis(d: Float32Array, count: int) -> list[Float32Array]:
     return basis
 
 
-def sort_by_depth(parts: list[Splats]) -> Splats:
+def sort_by_depth(parts: list[Splats], run: Run) -> Splats:
     """One `Splats`, front to back; equal depths keep the file's order."""
-    names = [f for f in Splats.__dataclass_fields__ if f != "color"]
-    columns = {name: np.concatenate([getattr(p, name) for p in parts]) for name in names}
-    order = depth_order(columns["z"])
-    color = np.concatenate([p.color for p in parts], axis=1)
-    return Splats(**{name: column[order] for name, column in columns.items()}, color=color[:, order])
+    names = list(Splats.__dataclass_fields__)
+
+    def whole(name: str) -> NDArray[Any]:
+        column = np.concatenate([getattr(p, name or "z") for p in parts], axis=-1)
+        return column if name else depth_order(column)
+
+    order, *columns = run(whole, ["", *names])
+    return Splats(*run(lambda column: column.take(order, axis=-1), columns))
 
 
 def depth_order(z: Float32Array) -> NDArray[np.intp]:
     """Stable ascending order of positive float32: their bits, radix-sorted in two halves (numpy does that for 16 bits)."""
     bits = z.view(np.uint32)
     first = np.argsort(bits.astype(np.uint16), kind="stable")
-    high = (bits >> np.uint32(16)).astype(np.uint16)[first]
-    return first[np.argsort(high, kind="stable")]
+    high = (bits >> np.uint32(16)).astype(np.uint16).take(first)
+    return first.take(np.argsort(high, kind="stable"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +13,17 @@ from numpy.typing import NDArray
 from ..camera import Intrinsics, Pose
 from ..errors import Cancelled
 from ..splats.scene import GaussianScene
-from .blend import BandImage, Scratch, blend_band, splat_table
-from .project import Splats, View, project_chunk, sort_by_depth
+from .blend import CHANNELS, PIXELS, Scratch, TileImage, blend_tiles, splat_table
+from .project import Run, Splats, View, project_chunk, sort_by_depth
 from .tables import CHUNK, build_tables
-from .tiles import TILE, bin_band
+from .tiles import TILE, TileLists, bin_band, join_bands, plan_batches
 from .view import RenderedView, RenderSettings
 
 Float32Array = NDArray[np.float32]
+IndexArray = NDArray[np.intp]
 
-BAND_TILES = 1024  # tiles per work item; fixed, so that the image does not depend on the number of threads
+BAND_TILES = 1024  # tiles binned at once
+STRIPE_BANDS = 4  # bands whose lists are held at once; nothing here depends on the threads, so neither does the image
 
 
 def _never() -> bool:
@@ -44,20 +47,23 @@ class Renderer:
                 raise Cancelled("Rendering was cancelled.")
 
         view = View(self._tables, intrinsics, pose, self.settings.near)
+        count = len(self._tables)
+        chunks = 2 * max(1, -(-count // (2 * CHUNK)))  # even and alike, so that two threads end together
+        chunk = max(1, -(-count // chunks))
 
         def project(start: int) -> Splats | None:
             poll()
-            return project_chunk(self._tables, view, slice(start, min(start + CHUNK, len(self._tables))))
+            return project_chunk(self._tables, view, slice(start, min(start + chunk, count)))
 
         with ThreadPoolExecutor(threads) as pool:
-            run = pool.map if threads > 1 else map
-            parts = [p for p in run(project, range(0, len(self._tables), CHUNK)) if p is not None]
+            run: Run = pool.map if threads > 1 else map
+            parts = [p for p in run(project, range(0, count, chunk)) if p is not None]
             target = _Target(intrinsics, self._scratches)
             if parts:
-                splats = sort_by_depth(parts)
-                table = splat_table(splats)
-                rows = _band_rows(target.rows, target.columns)
-                list(run(lambda r: target.draw(splats, table, r, r + rows, poll), range(0, target.rows, rows)))
+                splats = sort_by_depth(parts, run)
+                table = splat_table(splats, run)
+                for stripe in target.stripes():
+                    stripe.draw(splats, table, run, poll)
         return target.view()
 
     def render_many(
@@ -68,14 +74,8 @@ class Renderer:
             yield self.render(intrinsics, pose, should_stop)
 
 
-def _band_rows(rows: int, columns: int) -> int:
-    """Tile rows of a band: about BAND_TILES tiles, and an even number of bands, so that two threads end together."""
-    bands = -(-rows // max(1, BAND_TILES // columns))
-    return -(-rows // (bands + bands % 2))
-
-
 class _Target:
-    """The image in the making, padded to whole tiles."""
+    """The image in the making."""
 
     def __init__(self, k: Intrinsics, scratches: list[Scratch]) -> None:
         self.scratches = scratches
@@ -85,41 +85,62 @@ class _Target:
         self.color = np.zeros((*shape, 3), np.float32)
         self.depth, self.alpha, self.variance = (np.zeros(shape, np.float32) for _ in range(3))
 
-    def draw(self, splats: Splats, table: Float32Array, begin: int, end: int, poll: Callable[[], None]) -> None:
-        poll()
-        end = min(end, self.rows)
-        lists = bin_band(splats, self.columns, begin, end)
-        row, column = np.indices((end - begin, self.columns)).reshape(2, -1)
-        corner_x, corner_y = column * TILE, (row + begin) * TILE
-        offset = np.arange(TILE)
-        inside = (corner_y[:, None] + offset < self.k.height)[:, :, None] & (corner_x[:, None] + offset < self.k.width)[
-            :, None, :
-        ]
-        centres = np.stack([corner_x, corner_y]).astype(np.float32) + np.float32(TILE / 2)
-        scratch = self._scratch(len(row))
-        band = blend_band(table, lists, centres, inside.reshape(len(row), -1).astype(np.float32), scratch, poll)
-        self.scratches.append(scratch)
-        self._store(band, begin, end)
-
-    def _scratch(self, tiles: int) -> Scratch:
-        try:
-            scratch = self.scratches.pop()
-        except IndexError:
-            return Scratch(tiles)
-        return scratch if scratch.pairs >= tiles else Scratch(tiles)
-
-    def _store(self, band: BandImage, begin: int, end: int) -> None:
-        k, rows = self.k, end - begin
-        image = band.sums.reshape(rows, self.columns, -1, TILE, TILE).transpose(2, 0, 3, 1, 4)
-        image = image.reshape(-1, rows * TILE, self.columns * TILE)[:, : k.height - begin * TILE, : k.width]
-        part = slice(begin * TILE, begin * TILE + image.shape[1])
-        self.color[part] = image[:3].transpose(1, 2, 0)
-        self.alpha[part] = image[3]
-        total = np.maximum(image[3], np.float32(1e-10))
-        z0 = np.repeat(np.repeat(band.z0.reshape(rows, -1), TILE, axis=0), TILE, axis=1)[: image.shape[1], : k.width]
-        mean = image[4] / total
-        self.depth[part] = (image[3] * z0 + image[4]) / total
-        self.variance[part] = np.maximum(image[5] / total - mean * mean, np.float32(0))
+    def stripes(self) -> Iterator[_Stripe]:
+        rows = max(1, BAND_TILES // self.columns)
+        for begin in range(0, self.rows, STRIPE_BANDS * rows):
+            yield _Stripe(self, begin, min(begin + STRIPE_BANDS * rows, self.rows))
 
     def view(self) -> RenderedView:
         return RenderedView(self.color, self.depth, self.alpha, self.variance)
+
+
+class _Stripe:
+    """Tile rows [begin, end) of the image: binned and stored by band, blended by batches of tiles with lists of one length."""
+
+    def __init__(self, target: _Target, begin: int, end: int) -> None:
+        self.target, self.begin, self.end = target, begin, end
+        self.bands = [
+            tuple(b) for b in pairwise(np.linspace(begin, end, min(STRIPE_BANDS, end - begin) + 1).astype(int).tolist())
+        ]
+        tiles = (end - begin) * target.columns
+        self.image = TileImage(np.zeros((tiles, CHANNELS, PIXELS), np.float32), np.zeros(tiles, np.float32))
+
+    def draw(self, splats: Splats, table: Float32Array, run: Run, poll: Callable[[], None]) -> None:
+        def bin_(band: tuple[int, int]) -> TileLists:
+            poll()
+            return bin_band(splats, self.target.columns, *band)
+
+        lists = join_bands(list(run(bin_, self.bands)))
+        list(run(lambda batch: self._blend(table, lists, batch, poll), plan_batches(lists.count)))
+        list(run(self._store, self.bands))
+
+    def _blend(self, table: Float32Array, lists: TileLists, batch: IndexArray, poll: Callable[[], None]) -> None:
+        k = self.target.k
+        row, column = np.divmod(batch, self.target.columns)
+        corner_x, corner_y = column * TILE, (row + self.begin) * TILE
+        offset = np.arange(TILE)
+        in_x, in_y = corner_x[:, None] + offset < k.width, corner_y[:, None] + offset < k.height
+        inside = (in_y[:, :, None] & in_x[:, None, :]).reshape(-1, PIXELS).astype(np.float32)
+        centre = np.stack([corner_x, corner_y]).astype(np.float32) + np.float32(TILE / 2)
+        try:
+            scratch = self.target.scratches.pop()
+        except IndexError:
+            scratch = Scratch()
+        blend_tiles(table, lists, batch, centre, inside, self.image, scratch, poll)
+        self.target.scratches.append(scratch)
+
+    def _store(self, band: tuple[int, int]) -> None:
+        target, (begin, end) = self.target, band
+        k, rows, columns = target.k, end - begin, target.columns
+        tiles = slice((begin - self.begin) * columns, (end - self.begin) * columns)
+        image = self.image.sums[tiles].reshape(rows, columns, -1, TILE, TILE).transpose(2, 0, 3, 1, 4)
+        image = image.reshape(-1, rows * TILE, columns * TILE)[:, : k.height - begin * TILE, : k.width]
+        part = slice(begin * TILE, begin * TILE + image.shape[1])
+        target.color[part] = image[:3].transpose(1, 2, 0)
+        target.alpha[part] = image[3]
+        total = np.maximum(image[3], np.float32(1e-10))
+        z0 = self.image.z0[tiles].reshape(rows, -1)
+        z0 = np.repeat(np.repeat(z0, TILE, axis=0), TILE, axis=1)[: image.shape[1], : k.width]
+        mean = image[4] / total
+        target.depth[part] = (image[3] * z0 + image[4]) / total
+        target.variance[part] = np.maximum(image[5] / total - mean * mean, np.float32(0))

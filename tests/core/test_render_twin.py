@@ -97,6 +97,17 @@ def test_threads_do_not_change_a_bit() -> None:
         assert np.array_equal(getattr(one, field), getattr(two, field))
 
 
+@pytest.mark.parametrize("opacity", [0.02, 0.3, 1.0])
+def test_a_tile_with_thousands_of_gaussians_matches_twin(opacity: float) -> None:
+    """Lists of many rounds: of pixels that stay clear, that end half-way down, and that end at once."""
+    rng = np.random.default_rng(7)
+    means = np.hstack([rng.normal(size=(3000, 2)) * 0.05, rng.uniform(2, 5, (3000, 1))])
+    scene, camera = make_scene(means, 0.05, opacity=opacity), Intrinsics(24, 20, 60.0, 60.0, 12.0, 10.0)
+    slow = render_reference(scene, camera, Pose())
+    assert slow.alpha.max() > 0.99
+    assert_same_view(Renderer(scene).render(camera, Pose()), slow)
+
+
 def test_render_many_equals_single_renders() -> None:
     renderer = Renderer(make_scene(MEANS, SCALES))
     poses = [Pose(t=np.array([0.1 * i, 0.0, 0.0])) for i in range(3)]
