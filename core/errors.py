@@ -17,6 +17,10 @@ class CameraError(GssmcError):
     """A camera description is incomplete, or its numbers make no camera."""
 
 
+class FeatureError(GssmcError):
+    """Features or a matcher cannot be used: unknown, without a model file, or with one that does not work."""
+
+
 class RefineError(GssmcError):
     """A refinement cannot start or go on with what it was given."""
 
