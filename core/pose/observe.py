@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import FloatArray, Intrinsics, Pose
-from ..features.nearest import MutualNearest
-from ..features.sift import RootSift
+from ..features.frontend import Frontend
 from ..features.subpixel import SubpixelAligner, normalise_locally
-from ..features.types import Extractor, Features, Matcher
+from ..features.types import Features
 from ..photo import Photo
 from ..render.view import RenderedView, ViewRenderer
 from .matches import BoolArray, ViewMatches
 
 MIN_ALPHA = 0.5  # below this a pixel of the render shows the background as much as the scan
 MIN_DEPTH_STD_RATIO = 1e-3
-
-
-@dataclass(frozen=True)
-class Frontend:
-    """The image side of the method: extractor, matcher, alignment."""
-
-    extractor: Extractor = field(default_factory=RootSift)
-    matcher: Matcher = field(default_factory=MutualNearest)
-    aligner: SubpixelAligner = field(default_factory=SubpixelAligner)
 
 
 @dataclass(frozen=True)
@@ -77,7 +67,7 @@ def make_query(photo: Photo, intrinsics: Intrinsics, long_side_px: int, frontend
     mask = None
     if photo.mask is not None:
         mask = cv2.resize(photo.mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-    features = frontend.extractor.extract(grey, mask)
+    features = frontend.photo_features(grey, mask)
     straight = undistorted(grey, work)
     return Query(work, features, work.normalise(features.keypoints), straight, normalise_locally(straight))
 

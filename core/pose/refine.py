@@ -8,16 +8,18 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ..camera import Camera, Pose, pose_error
+from ..features.frontend import Frontend, make_frontend
 from ..photo import Photo
 from ..render.view import ViewRenderer
 from .epipolar import EpipolarFit, measure_epipolar
 from .hypotheses import GAUSSIAN_LENGTH, candidate_poses
 from .matches import ViewMatches
-from .observe import Frontend, Observation, Query, make_query, observe
+from .observe import Observation, Query, make_query, observe
 from .report import IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .settings import RefineSettings
 from .solve import coarse_pose, fine_matches, fine_pose, keep_distance, usable_views
@@ -98,14 +100,24 @@ def iterate_refinement(renderer: ViewRenderer, photo: Photo, camera: Camera, set
     `camera` is the start: its intrinsics belong to the photo at its full size (see `photo.check_size`), its pose is
     world-to-camera in the splat file's coordinates. Closing the generator cancels; nothing outside it is touched.
     """
+    with make_frontend(settings) as frontend:
+        return (yield from _refine_with(frontend, renderer, photo, camera, settings))
+
+
+def _refine_with(
+    frontend: Frontend, renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings
+) -> Progress:
     began = time.perf_counter()
-    frontend = Frontend()
-    query = make_query(photo, camera.intrinsics, settings.long_side_px, frontend)
+    look = partial(make_query, photo, camera.intrinsics, settings.long_side_px)
+    loop = _Loop(renderer, look(frontend), settings, frontend, look)
+    if len(loop.query.features) < MIN_PHOTO_FEATURES:
+        loop = loop.stronger()
+    query = loop.query
     records: list[IterationRecord] = []
     if len(query.features) < MIN_PHOTO_FEATURES:
         reason = f"The photo shows only {len(query.features)} features; it is too dark, blurred or plain to be placed."
         return _report(camera, None, "failed", (reason,), records, began)
-    outcome = yield from _Loop(renderer, query, settings, frontend).run(camera.pose, records)
+    outcome = yield from loop.run(camera.pose, records)
     answer = outcome.answer
     if answer is None:
         return _report(camera, None, "failed", (outcome.problem,), records, began)
@@ -145,26 +157,32 @@ class _Loop:
     query: Query
     settings: RefineSettings
     frontend: Frontend
+    look: Callable[[Frontend], Query]
+
+    def stronger(self) -> _Loop:
+        """The loop with the features that should look where these found no answer; itself when there are none."""
+        frontend = self.frontend.stronger()
+        return self if frontend is None else replace(self, frontend=frontend, query=self.look(frontend))
 
     def run(self, start: Pose, records: list[IterationRecord]) -> Generator[RefineProgress, None, Outcome]:
         """Iterates from `start` and returns the best answer."""
         settings, rng = self.settings, np.random.default_rng(self.settings.seed)
         fan = narrow = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
-        pose, best, problem, agreement = start, None, "", 0.0
+        pose, best, problem, agreement, loop = start, None, "", 0.0, self
         for index in range(settings.iterations):
-            observations = yield from self._observe(pose, fan, index, rng)
+            observations = yield from loop._observe(pose, fan, index, rng)
             if not observations:
                 return Outcome(best, LOOKS_AWAY, agreement)
             if index == 0:
                 agreement = compare(self.query, observations[0].grey, observations[0].solid).agreement
-            found, record = self._solve(observations, pose, index)
+            found, record = loop._solve(observations, pose, index)
             records.append(record)
             yield RefineProgress(
                 index + 1, settings.iterations, "iteration done", 0.95 * (index + 1) / settings.iterations, record
             )
             if found is None:
                 problem = _too_few(observations, record)
-                fan, pose = fan.wider(), record.pose
+                fan, pose, loop = fan.wider(), record.pose, loop.stronger()
                 continue
             if best is not None and not _supports(found, best):
                 break  # fewer matches agree than before: a later iteration must not spoil a good pose
