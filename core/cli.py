@@ -9,13 +9,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
-from .commands import batch, demo, refine, render
+from .commands import batch, demo, features, refine, render
 from .commands.flags import OneLineParser, UsageError
 from .commands.outcome import BAD_INPUT, INTERRUPTED, Outcome
 from .console import note
 from .errors import GssmcError
 
-COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo}
+COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo, "features": features}
+WITHOUT_SCENE = frozenset({"features"})  # a caller that saves scenes has nothing to add to them
 
 
 def build_parser(
@@ -24,9 +25,9 @@ def build_parser(
     """The parser with all subcommands; `add_options` may add to each of them. Wrong usage raises UsageError."""
     parser = OneLineParser(prog=prog, description="Finds the exact camera of a photo inside a 3D Gaussian Splatting scan.")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for module in COMMANDS.values():
+    for name, module in COMMANDS.items():
         sub = module.add_parser(commands)
-        if add_options is not None:
+        if add_options is not None and name not in WITHOUT_SCENE:
             add_options(sub)
     return parser
 
@@ -47,7 +48,7 @@ def main(
     try:
         args = build_parser(prog, add_options).parse_args(argv)
         outcome: Outcome = COMMANDS[args.command].run(args)
-        if on_outcome is not None:
+        if on_outcome is not None and outcome.scene is not None:
             on_outcome(args, outcome)
         return outcome.exit_code
     except SystemExit as end:  # --help

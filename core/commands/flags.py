@@ -9,7 +9,11 @@ from dataclasses import Field, fields
 from typing import Any
 
 from ..errors import GssmcError
+from ..features.frontend import check_choice
+from ..features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..pose.settings import RefineSettings
+
+CHOICES = {"features": (*EXTRACTORS, AUTO), "matcher": tuple(MATCHERS)}
 
 
 class UsageError(GssmcError):
@@ -33,6 +37,16 @@ def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = 
         flag, text = field.name.replace("_", "-"), texts[field.name]
         if isinstance(field.default, bool):
             group.add_argument(f"--no-{flag}", dest=field.name, action="store_false", help=f"switch off: {text}")
+        elif field.name in CHOICES:
+            group.add_argument(
+                f"--{flag}",
+                dest=field.name,
+                choices=CHOICES[field.name],
+                default=field.default,
+                help=f"{text} ({field.default})",
+            )
+        elif isinstance(field.default, str):
+            group.add_argument(f"--{flag}", dest=field.name, default=field.default, metavar="FILE", help=text)
         else:
             kind = type(field.default)
             group.add_argument(
@@ -41,8 +55,12 @@ def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = 
 
 
 def settings_from(args: argparse.Namespace) -> RefineSettings:
-    """The settings that the flags say. Raises RefineError when a number is out of range."""
-    return RefineSettings(**{f.name: getattr(args, f.name) for f in fields(RefineSettings) if hasattr(args, f.name)})
+    """The settings that the flags say. Raises RefineError when a number is out of range, FeatureError when the features cannot
+    be used: before a large scan is read.
+    """
+    settings = RefineSettings(**{f.name: getattr(args, f.name) for f in fields(RefineSettings) if hasattr(args, f.name)})
+    check_choice(settings)
+    return settings
 
 
 def field_texts(settings: Any) -> dict[str, str]:

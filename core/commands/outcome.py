@@ -15,12 +15,13 @@ OK, BAD_INPUT, FAILED_VERDICT, INTERRUPTED = 0, 2, 3, 130
 class Outcome:
     """The end of a subcommand.
 
-    scene: the splat file; cameras: the cameras drawn, or refined, in the order of the input; photos: their photo files, as
-    many as cameras, or none for `render`; reports: of this run's single refinement, when there was one.
+    scene: the splat file, None when the command has to do with none; cameras: the cameras drawn, or refined, in the order of
+    the input; photos: their photo files, as many as cameras, or none for `render`; reports: of this run's single refinement,
+    when there was one.
     """
 
     exit_code: int
-    scene: Path
+    scene: Path | None
     cameras: tuple[Camera, ...] = ()
     photos: tuple[Path, ...] = ()
     reports: tuple[RefineReport, ...] = ()
