@@ -59,9 +59,13 @@ class Frontend:
         """Features of the photo `grey` (H, W) uint8. Raises FeatureError."""
         return (self.photo_extractor or self.extractor).extract(grey, mask)
 
-    def stronger(self) -> Frontend | None:
-        """What should look at images from which this frontend found no answer. It is closed with this one."""
-        return self.fallback
+    def stronger(self, usable: int, views: int) -> Frontend | None:
+        """What should look on, after an iteration in which `usable` of `views` held a pose and no answer came of it.
+
+        None while at least half of them do: what they lack is a better place, and the same features find it sooner there. The
+        stronger frontend is closed with this one.
+        """
+        return self.fallback if 2 * usable < views else None
 
     def close(self) -> None:
         for part in (self.process, self.fallback):

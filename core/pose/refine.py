@@ -111,7 +111,7 @@ def _refine_with(
     look = partial(make_query, photo, camera.intrinsics, settings.long_side_px)
     loop = _Loop(renderer, look(frontend), settings, frontend, look)
     if len(loop.query.features) < MIN_PHOTO_FEATURES:
-        loop = loop.stronger()
+        loop = loop.stronger(0, 1)
     query = loop.query
     records: list[IterationRecord] = []
     if len(query.features) < MIN_PHOTO_FEATURES:
@@ -159,9 +159,9 @@ class _Loop:
     frontend: Frontend
     look: Callable[[Frontend], Query]
 
-    def stronger(self) -> _Loop:
-        """The loop with the features that should look where these found no answer; itself when there are none."""
-        frontend = self.frontend.stronger()
+    def stronger(self, usable: int, views: int) -> _Loop:
+        """The loop with the features that should look on where these found no answer; itself when there are none."""
+        frontend = self.frontend.stronger(usable, views)
         return self if frontend is None else replace(self, frontend=frontend, query=self.look(frontend))
 
     def run(self, start: Pose, records: list[IterationRecord]) -> Generator[RefineProgress, None, Outcome]:
@@ -182,7 +182,7 @@ class _Loop:
             )
             if found is None:
                 problem = _too_few(observations, record)
-                fan, pose, loop = fan.wider(), record.pose, loop.stronger()
+                fan, pose, loop = fan.wider(), record.pose, loop.stronger(record.views_used, len(observations))
                 continue
             if best is not None and not _supports(found, best):
                 break  # fewer matches agree than before: a later iteration must not spoil a good pose

@@ -58,7 +58,7 @@ def test_what_this_opencv_lacks_is_said(model, monkeypatch):
 def test_the_default_is_rootsift_with_nearest_neighbours_and_no_process():
     with make_frontend(RefineSettings()) as frontend:
         assert frontend == Frontend()
-        assert frontend.stronger() is None
+        assert frontend.stronger(0, 7) is None
 
 
 def test_networks_run_elsewhere(model):
@@ -68,27 +68,33 @@ def test_networks_run_elsewhere(model):
         assert isinstance(frontend.extractor, RemoteExtractor)
         assert isinstance(frontend.matcher, RemoteMatcher)
         assert frontend.extractor.process is frontend.matcher.process is frontend.process
-        assert frontend.stronger() is None, "LightGlue reasons about places, which several looks at once would confuse"
+        assert frontend.stronger(0, 7) is None, "LightGlue reasons about places, which several looks at once would confuse"
 
 
 def test_learned_features_have_looks_to_fall_back_on(model):
     with make_frontend(RefineSettings(features="aliked", model=model)) as frontend:
-        wide = frontend.stronger()
+        wide = frontend.stronger(0, 7)
         assert isinstance(wide.photo_extractor, Looks)
         assert wide.extractor is frontend.extractor
-        assert wide.stronger() is None
+        assert wide.stronger(0, 7) is None
 
 
 def test_auto_is_sift_and_then_aliked_where_there_is_a_model(model, children):  # noqa: F811
     with make_frontend(RefineSettings(features="auto")) as frontend:
         assert isinstance(frontend.extractor, RootSift)
-        assert frontend.stronger() is None
+        assert frontend.stronger(0, 7) is None
     with make_frontend(RefineSettings(features="auto", model=model)) as frontend:
         assert isinstance(frontend.extractor, RootSift)
-        assert isinstance(frontend.stronger().extractor, RemoteExtractor)
+        assert isinstance(frontend.stronger(0, 7).extractor, RemoteExtractor)
         assert children == []
-        frontend.stronger().extractor.extract(np.zeros((64, 64), np.uint8))
+        frontend.stronger(0, 7).extractor.extract(np.zeros((64, 64), np.uint8))
         assert len(children) == 1
+
+
+def test_features_that_still_hold_poses_in_half_the_views_go_on(model):
+    with make_frontend(RefineSettings(features="auto", model=model)) as frontend:
+        changes = [frontend.stronger(usable, 7) is not None for usable in range(8)]
+    assert changes == [True] * 4 + [False] * 4
 
 
 def test_choices_are_checked_without_reading_the_model(tmp_path):
