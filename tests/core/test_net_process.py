@@ -3,9 +3,12 @@
 import gc
 import io
 import os
+import subprocess
+import sys
 import textwrap
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +30,15 @@ def alive(pid):
         os.kill(pid, 0)
     except OSError:
         return False
-    return True
+    state = Path(f"/proc/{pid}/stat")  # an orphan that ended stays in the table until somebody collects it
+    return not state.exists() or state.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_for(true, limit_s=30):
+    end = time.monotonic() + limit_s
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 @pytest.fixture
@@ -219,6 +230,27 @@ def test_a_child_ends_with_its_input_even_when_it_hangs(tmp_path, monkeypatch):
     child.stdin.close()
     assert child.exit_code(10) == 0
     child.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+def test_a_parent_that_is_killed_leaves_no_child(tmp_path, monkeypatch):
+    """The network hangs at that moment; so it is when a batch, or Blender, is ended by force."""
+    hurt(tmp_path, monkeypatch, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(600)")
+    code = f"""
+    import numpy as np
+    from core.features.net_process import NetProcess, Nets, RemoteExtractor
+    process = NetProcess(Nets("aliked", {str(aliked_net(tmp_path / "a.onnx"))!r}))
+    RemoteExtractor(process, "a").extract(np.zeros((64, 64), np.uint8))
+    """
+    search = os.pathsep.join([str(Path(__file__).parents[2]), str(tmp_path)])
+    parent = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], env={**os.environ, "PYTHONPATH": search})
+    pid_file = tmp_path / "pid"
+    wait_for(lambda: pid_file.exists() and pid_file.read_text())
+    child = int(pid_file.read_text())
+    assert alive(child)
+    parent.kill()
+    parent.wait()
+    wait_for(lambda: not alive(child))
 
 
 # ---- what comes through the pipe is data, whoever sent it
