@@ -1,6 +1,7 @@
 """Features and matchers compared on the real scans: who comes home from how far, how exactly, and how fast.
 
-    .venv/bin/python benchmarks/features.py [--features sift aliked auto ...] [--starts near far hard] [--seeds 2]
+    .venv/bin/python benchmarks/features.py [--features sift aliked-t16 auto ...] [--starts near far hard] [--seeds 2]
+    .venv/bin/python benchmarks/features.py --speed
 
 Needs the scans in ../shared/scenes and, for learned features, their models in ../shared/models (or --models DIR); features
 whose model is not there are left out and named. Starts, errors and bounds are those of real_scenes.py, both scans together.
@@ -10,9 +11,11 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -20,8 +23,12 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 from real_scenes import BOUNDS, SCENES, STARTS, Trial, run_scene
 
+from core.features.frontend import make_frontend
+from core.features.registry import AUTO
+from core.photo import read_photo
 from core.pose.settings import RefineSettings
 
+ROUNDS = 7
 T16, N16 = "aliked-t16-top2048.onnx", "aliked-n16rot-top2048.onnx"
 
 
@@ -61,6 +68,26 @@ def line(name: str, start: str, trials: list[Trial]) -> str:
     )
 
 
+def speed(models: Path) -> None:
+    """Seconds for one photo at the refinement's size, in the process that a refinement would use."""
+    path = sorted((SCENES / "fox" / "queries").iterdir())[0]
+    grey = cv2.cvtColor(read_photo(path).pixels, cv2.COLOR_RGB2GRAY)
+    grey = cv2.resize(grey, None, fx=640 / max(grey.shape), fy=640 / max(grey.shape), interpolation=cv2.INTER_AREA)
+    print(f"| features of a photo of {grey.shape[1]} x {grey.shape[0]} | found | s |\n|---|---|---|")
+    for name, row in ROWS.items():
+        if row.features == AUTO or (row.model and not (models / row.model).is_file()):
+            continue
+        with make_frontend(
+            RefineSettings(features=row.features, model=str(models / row.model) if row.model else "")
+        ) as frontend:
+            count, seconds = len(frontend.photo_features(grey)), []
+            for _ in range(ROUNDS):
+                began = time.perf_counter()
+                frontend.photo_features(grey)
+                seconds.append(time.perf_counter() - began)
+        print(f"| {name} | {count} | {np.median(seconds):.2f} |", flush=True)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--features", nargs="+", choices=ROWS, default=list(ROWS))
@@ -69,11 +96,15 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=1, help="starts per photo")
     parser.add_argument("--threads", type=int, default=0, help="0 = all cores")
     parser.add_argument("--models", type=Path, default=SCENES.parent / "models", metavar="DIR")
+    parser.add_argument("--speed", action="store_true", help="only how long each takes for one photo")
     parser.add_argument("--verbose", action="store_true")
     args = parser.parse_args()
     if not SCENES.is_dir():
         print(f"no scans at {SCENES}: nothing to measure", file=sys.stderr)
         return 2
+    if args.speed:
+        speed(args.models)
+        return 0
     print(HEADER, flush=True)
     for name in args.features:
         row = ROWS[name]

@@ -53,7 +53,7 @@ EXTRACTORS: Mapping[str, ExtractorKind] = {
     "sift": ExtractorKind("SIFT", "RootSIFT; nothing to download", lambda _: RootSift(), "SIFT"),
     "akaze": ExtractorKind("AKAZE", "binary, faster than SIFT", lambda _: Akaze(), "xfeatures2d.AKAZE", ratio=0.9, binary=True),
     "orb": ExtractorKind("ORB", "binary, the fastest, for near starts", lambda _: Orb(), "ORB", ratio=0.9, binary=True),
-    "aliked": ExtractorKind("ALIKED", "learned, for starts far off", Aliked, "ALIKED", needs_model=True, ratio=0.95),
+    "aliked": ExtractorKind("ALIKED", "learned, more matches, slower", Aliked, "ALIKED", needs_model=True, ratio=0.95),
     "disk": ExtractorKind("DISK", "learned", Disk, "DISK", needs_model=True, ratio=0.95),
     "superpoint": ExtractorKind(
         "SuperPoint", "learned, the paper's", SuperPoint, "dnn.readNetFromONNX", needs_model=True, ratio=0.95
