@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators import add_photo, cancel, import_splats, refine
-from . import cli, jobs, menus, panels, properties
+from ..operators import add_photo, cancel, import_splats, models, refine
+from . import cli, jobs, menus, panels, preferences, properties
 
-_class_modules = (import_splats, add_photo, refine, cancel, panels, menus)
+_class_modules = (models, preferences, import_splats, add_photo, refine, cancel, panels, menus)
 _cli_commands: list[object] = []
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import GssmcError, RefineError
+from ..core.features.frontend import check_choice
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from . import camera_bridge, photo_camera, photo_image, properties, splat_object
@@ -119,6 +120,7 @@ def gather(
         raise RefineError("The scene has no camera for the photo; use Add Photo in the GS-SMC panel.")
     if photo is None:
         raise RefineError(f'The camera "{camera.name}" has no photo; use Add Photo in the GS-SMC panel.')
+    check_choice(settings)
     camera_bridge.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = photo_image.photo_source(photo)

@@ -6,7 +6,7 @@ import textwrap
 
 import bpy
 
-from . import jobs, photo_image, properties, splat_object
+from . import jobs, photo_image, preferences, properties, splat_object
 
 CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4
@@ -125,6 +125,16 @@ class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
         column = self.layout.column()
         for name in properties.settings_annotations():
             column.prop(context.scene.gssmc, name)
+            if name in properties.CHOICES:
+                _draw_missing_model(column, context, getattr(context.scene.gssmc, name))
+
+
+def _draw_missing_model(layout: bpy.types.UILayout, context: bpy.types.Context, choice: str) -> None:
+    """Says that a choice lacks its model file, with the way to the preferences."""
+    kind = preferences.LEARNED.get(choice)
+    if kind and not preferences.model_for(context, choice):
+        layout.label(text=f"{kind.title} needs a model file", icon="ERROR")
+        layout.operator("preferences.addon_show", text="Open Preferences").module = preferences.PACKAGE
 
 
 classes = (GSSMC_PT_main, GSSMC_PT_lens, GSSMC_PT_settings)

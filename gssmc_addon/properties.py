@@ -19,10 +19,24 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.pose.settings import RefineSettings
-from . import photo_image, splat_object
+from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ..core.pose.settings import RefineSettings, choices
+from . import photo_image, preferences, splat_object
 
-LIMITS = {"iterations": (1, 100), "candidates": (1, 64), "long_side_px": (64, 8192), "threads": (0, 256)}
+LIMITS = {
+    "iterations": (1, 100),
+    "candidates": (1, 64),
+    "long_side_px": (64, 8192),
+    "final_long_side_px": (64, 8192),
+    "threads": (0, 256),
+}
+MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
+AUTO_ITEM = (AUTO, "Auto", "SIFT; ALIKED takes over where it finds no answer, if there is a model of it")
+CHOICES = {
+    "features": [*((name, kind.title, kind.text[:1].upper() + kind.text[1:]) for name, kind in EXTRACTORS.items()), AUTO_ITEM],
+    "matcher": [(name, kind.title, kind.text[:1].upper() + kind.text[1:]) for name, kind in MATCHERS.items()],
+    **{name: [(word, word.title(), "") for word in words] for name, words in choices().items()},
+}
 VERDICTS = (
     ("NONE", "None", "Not refined yet"),
     ("TRUSTED", "Trusted", "The camera fits the photo"),
@@ -46,11 +60,17 @@ def _title(name: str) -> str:
 
 
 def settings_annotations() -> dict[str, object]:
-    """One Blender property per field of RefineSettings, with its default, limits and documentation."""
+    """One Blender property per field of RefineSettings, with its default, limits and documentation; without the model files,
+    which are the user's and not the scene's.
+    """
     docs, annotations = _field_docs(), {}
     for option in fields(RefineSettings):
+        if option.name in MODEL_OF:
+            continue
         common = {"name": _title(option.name), "description": docs.get(option.name, "")}
-        if isinstance(option.default, bool):
+        if option.name in CHOICES:
+            annotations[option.name] = EnumProperty(items=CHOICES[option.name], default=option.default, **common)
+        elif isinstance(option.default, bool):
             annotations[option.name] = BoolProperty(default=option.default, **common)
         elif isinstance(option.default, int):
             low, high = LIMITS.get(option.name, (0, 2**31 - 1))
@@ -60,10 +80,23 @@ def settings_annotations() -> dict[str, object]:
     return annotations
 
 
+def model_annotations() -> dict[str, object]:
+    """The model files as properties, for operators: scripts may name them instead of the preferences."""
+    docs = _field_docs()
+    return {
+        name: StringProperty(name=_title(name), subtype="FILE_PATH", description=f"{docs[name]}; empty: the preferences'")
+        for name in MODEL_OF
+    }
+
+
 def settings_from(owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None) -> RefineSettings:
-    """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win."""
+    """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win. Model files are the preferences'."""
     values = {}
     for option in fields(RefineSettings):
+        if option.name in MODEL_OF:
+            given = bpy.path.abspath(getattr(overrides, option.name)) if overrides else ""
+            values[option.name] = given or preferences.model_for(bpy.context, values[MODEL_OF[option.name]])
+            continue
         source = overrides if overrides and overrides.is_property_set(option.name) else owner
         value = getattr(source, option.name)
         values[option.name] = float(f"{value:.6g}") if isinstance(value, float) else value  # Blender keeps float32

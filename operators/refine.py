@@ -18,6 +18,7 @@ class GSSMC_OT_refine(bpy.types.Operator):
         "splat": StringProperty(name="Splat", description="Name of the splat object; empty: the one picked in the panel"),
         "camera": StringProperty(name="Camera", description="Name of the camera object; empty: the scene camera"),
         **properties.settings_annotations(),
+        **properties.model_annotations(),
     }
 
     @classmethod
