@@ -15,7 +15,7 @@ from ..errors import SplatFormatError
 from ..pose.settings import RefineSettings
 from ..results import error_to_dict
 from ..splats import check_splat_file
-from .flags import UsageError, add_settings_flags, settings_from
+from .flags import SCENE_HELP, UsageError, add_settings_flags, settings_from
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .pool import Pool
 from .progress import ProgressBar
@@ -24,7 +24,7 @@ from .store import ResultStore, job_key
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("batch", help="refine many photos; a second run goes on where the first one stopped")
-    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("queries", type=Path, help='camera JSON: each camera is the start of its "file", relative to this JSON')
     parser.add_argument("--out", type=Path, required=True, metavar="RESULTS.json", help="results, in the order of the queries")
     workers = os.cpu_count() or 1

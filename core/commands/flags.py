@@ -11,6 +11,8 @@ from typing import Any
 from ..errors import GssmcError
 from ..pose.settings import RefineSettings
 
+SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz or .splat"
+
 
 class UsageError(GssmcError):
     """The command line itself is wrong."""

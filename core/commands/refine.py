@@ -17,7 +17,7 @@ from ..pose.report import RefineReport
 from ..render import Renderer, RenderSettings
 from ..results import report_to_dict
 from ..splats import read_splats
-from .flags import add_settings_flags, settings_from
+from .flags import SCENE_HELP, add_settings_flags, settings_from
 from .notes import say_dropped
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .progress import ProgressBar
@@ -26,7 +26,7 @@ from .refine_one import refine_photo
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("refine", help="find the exact camera of one photo from a rough start")
-    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
     parser.add_argument("--camera", type=Path, required=True, metavar="CAM.json", help="the start: lens and rough pose")
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
