@@ -23,6 +23,11 @@ Orientation = Literal["Y_DOWN", "Y_UP", "Z_UP", "Z_DOWN"]
 ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
 
 FLIP_YZ = np.diag([1.0, -1.0, -1.0])  # OpenCV camera axes <-> OpenGL/Blender camera axes; its own inverse
+# The half turn about x that takes a world with y down to one with y up, and back: factors of x y z, of a Gaussian's quaternion
+# w x y z (its ellipsoid is its own mirror image in its axes), and of SH coefficients 0..15, each the parity of its polynomial.
+HALF_TURN_X = np.array([1.0, -1.0, -1.0])
+HALF_TURN_X_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])
+HALF_TURN_X_SH = np.array([1.0, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1])
 NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 SIMILARITY_TOLERANCE = 1e-3  # Blender's matrices are float32, and users type scales by hand

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import bpy
 
@@ -19,7 +19,7 @@ from ..core.splats import read_splats
 from . import camera_bridge, photo_camera, photo_image, properties, splat_import
 
 
-def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation) -> None:
+def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation | Literal["AUTO"]) -> None:
     """Saves a scene with the outcome at `path`; whatever is open in this Blender is dropped for it.
 
     `results`: the file of a batch, which holds the verdicts. Raises GssmcError when the scene cannot be saved.

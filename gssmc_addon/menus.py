@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import bpy
 
+from ..core.splats import SUFFIXES
+
 
 def _draw_import(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    self.layout.operator("gssmc.import_splats", text="Gaussian Splats (.ply)")
+    self.layout.operator("gssmc.import_splats", text="Gaussian Splats (.ply, .spz, .splat)")
 
 
 class GSSMC_FH_splats(bpy.types.FileHandler):
     bl_idname = "GSSMC_FH_splats"
     bl_label = "Gaussian Splats"
     bl_import_operator = "gssmc.import_splats"
-    bl_file_extensions = ".ply"
+    bl_file_extensions = ";".join(SUFFIXES)
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context) -> bool:

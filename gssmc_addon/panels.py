@@ -40,7 +40,7 @@ def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if any(splat_object.is_splat(o) for o in context.scene.objects):
         column.prop(context.scene.gssmc, "splat", text="")
     else:
-        column.operator("gssmc.import_splats", text="Import Splat (.ply)", icon="IMPORT")
+        column.operator("gssmc.import_splats", text="Import Splat", icon="IMPORT")
 
 
 def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:

@@ -1,13 +1,10 @@
 """Add Photo: a camera for a photograph, with the photo behind it."""
 
-from pathlib import Path
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
-from ..core.photo import read_photo
 from ..gssmc_addon import photo_camera, photo_image
 
 CAMERA_ITEMS = (
@@ -48,7 +45,7 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
     def execute(self, context):
         context.view_layer.update()  # scripts place objects and expect that to count
         try:
-            photo = read_photo(Path(self.filepath))
+            photo = photo_image.read_any_photo(self.filepath)
             given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
             image = photo_image.load_image(self.filepath, photo)
             camera = photo_camera.choose_camera(context, self.camera, image.name)

@@ -1,4 +1,4 @@
-"""File > Import > Gaussian Splats (.ply)."""
+"""File > Import > Gaussian Splats."""
 
 from pathlib import Path
 
@@ -8,9 +8,10 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
 from ..core.splats import read_splats
-from ..gssmc_addon import splat_display, splat_import, splat_object
+from ..gssmc_addon import panels, splat_display, splat_import, splat_object
 
 ORIENTATION_ITEMS = (
+    ("AUTO", "By Format", "What the file's format means, or the file declares: .ply and .splat y down, .spz y up"),
     ("Y_DOWN", "Y Down", "The file's y axis points down, as photogrammetry and most splat trainers write it"),
     ("Y_UP", "Y Up", "The file's y axis points up"),
     ("Z_UP", "Z Up", "The file's z axis points up, as in Blender: keep the axes"),
@@ -25,10 +26,9 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
     bl_label = "Import Gaussian Splats"
     bl_options = {"UNDO", "PRESET"}
 
-    filename_ext = ".ply"
-    filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
+    filter_glob: StringProperty(default=splat_import.FILTER, options={"HIDDEN"})
     orientation: EnumProperty(
-        name="Up Axis", items=ORIENTATION_ITEMS, default="Y_DOWN", description="Turns the object; the file's coordinates stay"
+        name="Up Axis", items=ORIENTATION_ITEMS, default="AUTO", description="Turns the object; the file's coordinates stay"
     )
     show_colours: BoolProperty(
         name="Show Colours",
@@ -40,6 +40,16 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
         if self.filepath:  # dropped on the viewport
             return self.invoke_popup(context)
         return super().invoke(context, event)
+
+    def check(self, context):
+        return True  # the file was changed: draw() describes it anew
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        for line in splat_import.describe(self.filepath):
+            panels.draw_text(self.layout, context, line)
+        self.layout.prop(self, "orientation")
+        self.layout.prop(self, "show_colours")
 
     def execute(self, context):
         path = Path(self.filepath)

@@ -15,6 +15,11 @@ from ..pose.settings import RefineSettings, choices
 
 FEATURE_CHOICES = {"features": (*EXTRACTORS, AUTO), "matcher": tuple(MATCHERS)}
 
+SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz or .splat"
+
+
+MASK_HELP = "what to leave out of matching: a picture, or a folder of them named as the photos; white: use, black: leave out"
+
 
 class UsageError(GssmcError):
     """The command line itself is wrong."""

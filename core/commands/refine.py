@@ -11,13 +11,14 @@ from ..atomic import atomic_write
 from ..camera import Camera
 from ..camera_files import read_cameras
 from ..console import note, say
-from ..errors import CameraError
+from ..errors import CameraError, PhotoError
 from ..photo import read_photo
+from ..photo_mask import find_mask, masked
 from ..pose.report import RefineReport
 from ..render import Renderer, RenderSettings
 from ..results import report_to_dict
 from ..splats import read_splats
-from .flags import add_settings_flags, settings_from
+from .flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from .notes import say_dropped
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .progress import ProgressBar
@@ -26,9 +27,10 @@ from .refine_one import refine_photo
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("refine", help="find the exact camera of one photo from a rough start")
-    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
     parser.add_argument("--camera", type=Path, required=True, metavar="CAM.json", help="the start: lens and rough pose")
+    parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
     add_settings_flags(parser)
     return parser
@@ -37,6 +39,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args)
     photo = read_photo(args.photo)
+    if args.mask is not None:
+        photo = masked(photo, _mask(args.mask, args.photo))
     for remark in photo.notes:
         note(remark)
     camera = replace(pick_camera(args.camera, args.photo), file=str(args.photo))
@@ -55,6 +59,16 @@ def run(args: argparse.Namespace) -> Outcome:
         say(summary(report))
     code = FAILED_VERDICT if report.verdict == "failed" else OK
     return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,))
+
+
+def _mask(masks: Path, photo: Path) -> Path:
+    """The photo's mask. Raises PhotoError when a folder has none for it."""
+    found = find_mask(masks, photo)
+    if found is None:
+        raise PhotoError(
+            f"The folder '{masks}' has no mask for '{photo.name}'; name it '{photo.name}.png' or '{photo.stem}.png'."
+        )
+    return found
 
 
 def summary(report: RefineReport) -> str:

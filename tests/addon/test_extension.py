@@ -32,7 +32,7 @@ def extension_zip(tmp_path_factory):
 def test_inside_blender(check, extension_zip, tmp_path):
     environment = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-o", "python_files=check_*.py"]
-    command += ["-o", f"pythonpath=. {check.parent}", "-rs", str(check)]
+    command += ["-o", f"pythonpath=. tests/core {check.parent}", "-rs", str(check)]
     done = subprocess.run(command, cwd=REPO, env=environment, capture_output=True, text=True, timeout=LIMIT_S, check=False)
     assert done.returncode == 0, f"{done.stdout[-8000:]}\n{done.stderr[-2000:]}"
 

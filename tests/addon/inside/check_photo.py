@@ -184,3 +184,38 @@ def add_camera(bpy):
     bpy.context.scene.collection.objects.link(camera)
     bpy.context.scene.camera = camera
     return camera
+
+
+def write_exr(bpy, path, light):
+    """An OpenEXR file of (H, W, 4) linear values, by Blender itself."""
+    image = bpy.data.images.new("made", light.shape[1], light.shape[0], alpha=True, float_buffer=True)
+    image.pixels.foreach_set(np.ascontiguousarray(light[::-1], np.float32).ravel())
+    image.file_format, image.filepath_raw = "OPEN_EXR", str(path)
+    image.save()
+    bpy.data.images.remove(image)
+    return path
+
+
+def test_an_exr_photo_is_read_by_blender_and_handed_to_the_engine(bpy, extension, tmp_path):
+    light = np.full((40, 60, 4), 1, np.float32)
+    light[..., :3] = np.linspace(0.01, 4, 60).reshape(1, 60, 1)
+    light[:20, :, 0] = 0.01
+    path = write_exr(bpy, tmp_path / "photo.exr", light)
+    assert bpy.ops.gssmc.add_photo(filepath=str(path)) == {"FINISHED"}
+    camera = bpy.context.scene.camera
+    image = camera.data.background_images[0].image
+    assert tuple(image.size) == (60, 40)
+    photo = extension("gssmc_addon.photo_image").photo_source(image).read()
+    assert (photo.width, photo.height) == (60, 40)
+    assert photo.pixels[5, 50, 0] < 30  # the top is blue-green, and on top
+    assert photo.pixels[35, 50, 0] > 200
+    middle = (light[30, 30, 1] / np.quantile(light[..., :3].max(axis=2), 0.99)).item()
+    assert photo.pixels[30, 30, 1] == pytest.approx(255 * (1.055 * middle ** (1 / 2.4) - 0.055), abs=1.5)
+
+
+def test_a_black_exr_is_one_sentence_and_no_data(bpy, tmp_path):
+    path = write_exr(bpy, tmp_path / "black.exr", np.zeros((8, 8, 4), np.float32))
+    before = counts(bpy)
+    with pytest.raises(RuntimeError, match="black or transparent"):
+        bpy.ops.gssmc.add_photo(filepath=str(path))
+    assert counts(bpy) == before
