@@ -70,7 +70,7 @@ def test_points_lie_where_blender_draws_them(bpy, extension, splat, fit):
         for _ in range(2):  # as it was set by hand; then written by us
             found = bridge.read_camera(scene, camera, splat).at_size(*photo)
             points = points_before(found.pose, rng)
-            at = found.intrinsics.project(found.pose.transform(points))
+            at = found.intrinsics.pinhole().project(found.pose.transform(points))
             shown = (np.c_[points, np.ones(len(points))] @ np.array(splat.matrix_world).T)[:, :3]
             off = np.abs(at - drawn_at(bpy, camera, shown, photo)).max() / max(photo)
             worst = max(worst, off)
