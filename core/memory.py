@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .errors import GssmcError
 
-BASE_BYTES = 350_000_000  # numpy, OpenCV, SciPy, the features of all views
+BASE_BYTES = 450_000_000  # numpy, OpenCV, SciPy, the features of all views
 FLOATS_WITHOUT_SH = 11  # mean, scale, rotation, opacity
 RENDER_BYTES = 400  # for each Gaussian and view drawn at a time: projected, sorted, binned into tiles
 COPIES = 3  # of the scene: Blender's, ours, and the one being assembled
