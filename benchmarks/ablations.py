@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/ablations.py [--plot benchmarks/iterations.png] [--workers N] [--only NAME ...]
 
 Groups: stages (no multi-view, no epipolar, every last stage), candidates (L = 1 .. 12), perturbation (size of the fan),
-iterations (the error after each one, as the plot), lens (a focal length 25 % off). Needs the scans in ../shared/scenes; errors are per
-cent of the scan's median depth and degrees, seconds those of one process on one thread beside N - 1 others.
+iterations (the error after each one, as the plot), lens (a focal length 25 % off). Needs the scans in ../shared/scenes; errors
+are per cent of the scan's median depth and degrees, seconds those of one process on one thread beside N - 1 others.
 """
 
 from __future__ import annotations
@@ -114,17 +114,16 @@ def row(variant: Variant, name: str, results: list[Result]) -> str:
     counts = " / ".join(str(verdicts.count(v)) for v in ("trusted", "check", "failed"))
     focal = f" {np.median([r.focal for r in results]):.2f} |" if variant.group == "lens" else ""
     median, largest = np.median(e, axis=0), e.max(axis=0)
+    errors = f"{median[0]:.3f} / {median[1]:.3f} | {largest[0]:.3f} / {largest[1]:.3f}"
+    seconds = np.median([r.seconds for r in results])
     return (
-        f"| {variant.name} | {name} | {variant.start} | {median[0]:.3f} / {median[1]:.3f} | {largest[0]:.3f} / {largest[1]:.3f} "
-        f"| {home} of {len(results)} | {counts} | {np.median([r.seconds for r in results]):.1f} |{focal}"
+        f"| {variant.name} | {name} | {variant.start} | {errors} | {home} of {len(results)} | {counts} | {seconds:.1f} |{focal}"
     )
 
 
 def header(group: str) -> str:
     focal = " focal error, % |" if group == "lens" else ""
-    names = (
-        "| variant | scan | start | median error (% depth / deg) | largest | home | trusted / check / failed | s per photo |"
-    )
+    names = "| variant | scan | start | median (% depth / deg) | largest | home | trusted / check / failed | s per photo |"
     return f"\n### {group}\n\n{names}{focal}\n" + "|---" * (9 if focal else 8) + "|"
 
 
