@@ -180,6 +180,32 @@ def blender_from_intrinsics(intrinsics: Intrinsics, like: BlenderLens) -> Blende
     )
 
 
+def photo_in_frame(frame: Intrinsics, width: int, height: int) -> Intrinsics:
+    """The camera of a `width` x `height` photo that lies in the middle of the frame, as large as fits whole (Blender's "Fit").
+
+    The frame is the camera of the whole render; where the shapes are the same, the photo fills it.
+    """
+    scale = min(frame.width / width, frame.height / height)
+    return _recentred(frame, width, height, 1 / scale)
+
+
+def frame_around_photo(photo: Intrinsics, width: int, height: int) -> Intrinsics:
+    """The camera of a `width` x `height` render in which the photo lies as `photo_in_frame` says; its inverse."""
+    return _recentred(photo, width, height, min(width / photo.width, height / photo.height))
+
+
+def _recentred(k: Intrinsics, width: int, height: int, scale: float) -> Intrinsics:
+    return replace(
+        k,
+        width=width,
+        height=height,
+        fx=k.fx * scale,
+        fy=k.fy * scale,
+        cx=(k.cx - k.width / 2) * scale + width / 2,
+        cy=(k.cy - k.height / 2) * scale + height / 2,
+    )
+
+
 def focal_px_from_35mm(focal_35mm: float, width: int, height: int) -> float:
     """Focal length in pixels from EXIF's 35 mm equivalent (mm), which is defined over the image's diagonal (CIPA DCG-001)."""
     return focal_35mm * float(np.hypot(width, height)) / DIAGONAL_35MM

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .camera import Intrinsics
 from .errors import PhotoError
 from .exif import Exif, read_exif
-from .photo_size import EXR_SIGNATURE, check_pixels, reduction
+from .photo_size import EXR_SIGNATURE, check_pixels, picture_size, reduction
 from .sensors import focal_35mm_of
 
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -84,6 +84,22 @@ def read_photo(path: str | Path) -> Photo:
     pixels, mask = _split_alpha(raw, notes)
     photo = Photo(np.ascontiguousarray(pixels), str(path), None, mask, tuple(notes), full if factor > 1 else None)
     return _with_focal(photo, exif)
+
+
+def photo_facts(path: str | Path) -> tuple[int, int, float | None]:
+    """Width, height and `focal_35mm` as `read_photo` gives them, from the file's header alone where that tells its size."""
+    path = Path(path)
+    data = _read_bytes(path)
+    size = picture_size(data)
+    if size is None:
+        photo = read_photo(path)
+        return photo.width, photo.height, photo.focal_35mm
+    exif = read_exif(data)
+    width, height = size[::-1] if exif.orientation >= 5 else size
+    focal = exif.focal_35mm
+    if focal is None and exif.focal_mm is not None:
+        focal = focal_35mm_of(exif.model, exif.focal_mm, width, height)
+    return width, height, focal
 
 
 def _with_focal(photo: Photo, exif: Exif) -> Photo:

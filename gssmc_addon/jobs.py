@@ -15,7 +15,7 @@ from ..core.errors import GssmcError, RefineError
 from ..core.features.frontend import check_choice
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
-from . import camera_bridge, photo_camera, photo_image, properties, splat_object
+from . import camera_bridge, camera_channels, photo_image, properties, splat_object
 from .worker import Failure, RefineInputs, Worker
 
 TICK_S = 0.1
@@ -121,7 +121,7 @@ def gather(
     if photo is None:
         raise RefineError(f'The camera "{camera.name}" has no photo; use Add Photo in the GS-SMC panel.')
     check_choice(settings)
-    camera_bridge.check_writable(camera)
+    camera_channels.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = photo_image.photo_source(photo)
     inputs = RefineInputs(splat_object.copy_splat(splat), source, copy, settings)
@@ -136,11 +136,11 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
     scene, splat, camera = targets.find()
     notes = []
     if report.verdict != "failed":
-        camera_bridge.check_writable(camera)
+        camera_channels.check_writable(camera)
         if camera_bridge.write_camera(scene, camera, splat, report.camera):
             notes.append("The render's pixel aspect was set to the camera's.")
-        if camera == scene.camera:
-            notes += photo_camera.frame(scene, report.camera.intrinsics.width, report.camera.intrinsics.height)
+        if keyed := camera_channels.write_keyframes(scene, camera):
+            notes.append(keyed)
     properties.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     first = report.reasons[0] if report.reasons else ""
     if report.verdict == "failed":

@@ -108,6 +108,9 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         self.layout.use_property_split = True
         data = context.scene.camera.data
         column = self.layout.column(align=True)
+        column.prop(data.gssmc, "lens_calibrated")
+        column.prop(context.scene.gssmc, "lens", text="Solve For")
+        column = self.layout.column(align=True)
         column.prop(data, "shift_x", text="Shift X")
         column.prop(data, "shift_y", text="Y")
         column = self.layout.column(align=True)
@@ -124,6 +127,8 @@ class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
         self.layout.use_property_split = True
         column = self.layout.column()
         for name in properties.settings_annotations():
+            if name == "lens":  # stands in the Lens panel
+                continue
             column.prop(context.scene.gssmc, name)
             if name in properties.CHOICES:
                 _draw_missing_model(column, context, getattr(context.scene.gssmc, name))

@@ -147,6 +147,13 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name: FloatProperty(name=name, precision=6, step=0.1, description=f"Lens distortion {name} in OpenCV's model")
             for name in ("k1", "k2", "p1", "p2", "k3")
         },
+        "lens_calibrated": BoolProperty(
+            name="Calibrated",
+            description="The focal length is known well, from a calibration. Otherwise it is a guess (from EXIF, or by eye), "
+            "for which Refine solves when Lens is Auto",
+        ),
+        "frame_x": IntProperty(name="Frame X", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
+        "frame_y": IntProperty(name="Frame Y", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
         "verdict": EnumProperty(name="Verdict", items=VERDICTS, default="NONE"),
         "reasons": StringProperty(name="Reasons", description="Why, one sentence per line"),
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.errors import SplatFormatError
 from ..core.splats.scene import SH_COEFFICIENTS, GaussianScene
+from . import cloud_size
 
 BASE = "radiance:base"
 SH_PREFIX = "radiance:sh_"
@@ -27,8 +28,7 @@ def is_splat(obj: bpy.types.Object | None) -> bool:
 
 def create_splat(name: str, scene: GaussianScene) -> bpy.types.Object:
     """A new, unlinked point cloud object that holds `scene` completely."""
-    cloud = bpy.data.pointclouds.new(name)
-    cloud.resize(len(scene))
+    cloud = cloud_size.new_cloud(name, len(scene))
     _write(cloud, "position", "FLOAT_VECTOR", scene.means)
     _write(cloud, "scale", "FLOAT_VECTOR", scene.scales)
     _write(cloud, "rotation", "QUATERNION", scene.rotations)

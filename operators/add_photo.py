@@ -35,8 +35,9 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
     )
     set_resolution: BoolProperty(
         name="Set Resolution",
-        default=True,
-        description="Make the render resolution the photo's, so that it fills the camera's frame",
+        default=False,
+        description="Make the render resolution the photo's, so that it fills the camera's frame. Without, the photo lies in "
+        "the middle of the frame as large as fits",
     )
 
     def check(self, context):

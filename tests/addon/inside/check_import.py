@@ -126,11 +126,12 @@ def test_gaussians_that_are_not_finite_are_left_out(bpy, tmp_path):
     assert len(bpy.context.scene.gssmc.splat.data.points) == 8
 
 
-def foreign_splat(bpy, bands=0, base_type="FLOAT_COLOR"):
+def foreign_splat(bpy, extension, bands=0, base_type="FLOAT_COLOR"):
     """A point cloud in the native layout, as another importer makes it."""
+    if bpy.app.version < (5, 0) and base_type == "FLOAT4":
+        pytest.skip("this Blender has no attributes of four plain floats")
     rng = np.random.default_rng(5)
-    cloud = bpy.data.pointclouds.new("foreign")
-    cloud.resize(20)
+    cloud = extension("gssmc_addon.cloud_size").new_cloud("foreign", 20)
     layout = {"position": ("FLOAT_VECTOR", 3), "scale": ("FLOAT_VECTOR", 3), "rotation": ("QUATERNION", 4)}
     layout |= {"radiance:base": (base_type, 4), **{f"radiance:sh_{k}": ("FLOAT_VECTOR", 3) for k in range(bands)}}
     members = {"FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color", "FLOAT4": "vector"}
@@ -147,7 +148,7 @@ def foreign_splat(bpy, bands=0, base_type="FLOAT_COLOR"):
 @pytest.mark.parametrize(("bands", "degree"), [(0, 0), (3, 1), (8, 2), (15, 3), (24, 3)])
 @pytest.mark.parametrize("base_type", ["FLOAT_COLOR", "FLOAT4"])
 def test_a_splat_of_another_importer_can_be_picked(bpy, extension, bands, degree, base_type):
-    obj, values = foreign_splat(bpy, bands, base_type)
+    obj, values = foreign_splat(bpy, extension, bands, base_type)
     bpy.context.scene.gssmc.splat = obj
     scene = extension("gssmc_addon.splat_object").read_splat(bpy.context.scene.gssmc.splat)
     assert scene.sh_degree == degree
@@ -162,7 +163,7 @@ def test_what_is_no_splat_is_told_apart(bpy, extension):
     splat_object = extension("gssmc_addon.splat_object")
     plain = bpy.data.objects.new("plain", bpy.data.pointclouds.new("plain"))
     mesh = bpy.data.objects.new("mesh", bpy.data.meshes.new("mesh"))
-    splat, _ = foreign_splat(bpy)
+    splat, _ = foreign_splat(bpy, extension)
     assert [splat_object.is_splat(o) for o in (plain, mesh, None, splat)] == [False, False, False, True]
     with pytest.raises(extension("core.errors").SplatFormatError, match="plain"):
         splat_object.read_splat(plain)

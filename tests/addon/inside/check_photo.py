@@ -17,7 +17,7 @@ def focal_px(camera, width, height):
 
 def test_makes_a_camera_with_the_photo_behind_it(bpy, tmp_path):
     photo = write_photo(tmp_path / "a.jpg", 60, 90, focal_35mm=28)
-    assert bpy.ops.gssmc.add_photo(filepath=str(photo)) == {"FINISHED"}
+    assert bpy.ops.gssmc.add_photo(filepath=str(photo), set_resolution=True) == {"FINISHED"}
     camera = bpy.context.scene.camera
     (background,) = camera.data.background_images
     assert camera.data.show_background_images
@@ -55,11 +55,32 @@ def test_resolution_of_the_same_shape_stays(bpy, tmp_path):
     assert (render.resolution_x, render.resolution_y) == (600, 900)
 
 
-def test_resolution_can_be_kept(bpy, tmp_path):
+def test_resolution_stays_unless_ticked(bpy, tmp_path, extension):
+    """The lens is then set for a photo that lies in the middle of the frame."""
     render = bpy.context.scene.render
     before = render.resolution_x, render.resolution_y
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png", 60, 90)), set_resolution=False)
-    assert (render.resolution_x, render.resolution_y) == before
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.jpg", 60, 90, focal_35mm=28)))
+    assert (render.resolution_x, render.resolution_y) == before == (1920, 1080)
+    focal_photo = 28 * np.hypot(60, 90) / DIAGONAL_35MM
+    camera = bpy.context.scene.camera
+    assert focal_px(camera, *before) == pytest.approx(focal_photo * 1080 / 90, rel=1e-5)
+
+
+def test_a_lens_is_a_guess_unless_a_camera_file_says_otherwise(bpy, tmp_path, splat_file):
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    photo = str(write_photo(tmp_path / "a.png"))
+    ends = []
+    pose = {"file": "a.png", "R": np.eye(3).tolist(), "t": [0, 0, 2.0]}
+    for name, write in (
+        ("whole", write_cameras),
+        ("guessed", lambda path: write_cameras(path, focal_guessed=True)),
+        ("pose", lambda path: path.write_text(json.dumps(pose))),
+    ):
+        write(tmp_path / f"{name}.json")
+        bpy.ops.gssmc.add_photo(filepath=photo, camera="NEW", camera_file=str(tmp_path / f"{name}.json"))
+        ends.append(bpy.context.scene.camera.data.gssmc.lens_calibrated)
+    bpy.ops.gssmc.add_photo(filepath=photo, camera="NEW")
+    assert [*ends, bpy.context.scene.camera.data.gssmc.lens_calibrated] == [True, False, False, False]
 
 
 def test_a_photo_with_exif_rotation_stands_upright(bpy, tmp_path):
@@ -115,7 +136,8 @@ def write_cameras(path, **changes):
 def test_a_camera_file_gives_pose_lens_and_distortion(bpy, tmp_path, splat_file):
     bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
     cameras = write_cameras(tmp_path / "cameras.json")
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera_file=str(cameras))
+    photo = str(write_photo(tmp_path / "a.png"))
+    bpy.ops.gssmc.add_photo(filepath=photo, camera_file=str(cameras), set_resolution=True)
     camera, render = bpy.context.scene.camera, bpy.context.scene.render
     bpy.context.view_layer.update()
     np.testing.assert_allclose(np.array(camera.matrix_world)[:3, 3], (-0.5, -0.25, -2.0), atol=1e-6)
