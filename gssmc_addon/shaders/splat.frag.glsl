@@ -1,0 +1,14 @@
+/* Premultiplied colour of one Gaussian, where nothing of the scene stands before it. */
+
+void main()
+{
+  float q = dot(offset, offset);
+  float alpha = min(0.99, color.a * exp(-0.5 * q));
+  if (alpha < 1.0 / 255.0) {
+    discard;
+  }
+  if (view.use_depth.x > 0.0 && gl_FragCoord.z > texelFetch(depth_tex, ivec2(gl_FragCoord.xy), 0).r) {
+    discard;
+  }
+  fragColor = vec4(color.rgb * alpha, alpha);
+}
