@@ -38,13 +38,14 @@ def _draw() -> None:
     if _slot.stage is None:
         return
     try:
-        _slot.stage.draw(bpy.context)
+        drawn = _slot.stage.draw(bpy.context)
     except Exception:  # whatever a driver refuses: points instead, said once, and never a broken viewport
         log.exception("Splats cannot be drawn with this graphics card; they are shown as points")
         viewport_props.set_drawable(False)
         bpy.app.timers.register(_give_up, first_interval=0.0)
         return
-    _wake()
+    if drawn:
+        _wake()
 
 
 def _give_up() -> None:

@@ -1,8 +1,7 @@
 """Drawing with Blender's gpu module: shaders, textures, and the two passes of one viewport.
 
-First all splats go into a float buffer of the region's size, blended in display-encoded colours as they were trained, hidden by
-what the viewport's depth says stands before them. Then the buffer goes over the viewport. As long as neither view nor depth
-change, the first pass is left out: redraws for other reasons stay cheap.
+First the splats go into a float buffer of their own, blended in display-encoded colours as they were trained, hidden by what
+the viewport says stands before them. Then the buffer goes over the viewport. viewport_canvas says when which is done.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from .viewport_data import TABLE_WIDTH, SplatTables
 
 SHADERS = Path(__file__).parent / "shaders"
 SQUARE = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
-VIEW_BLOCK = "struct SplatView { mat4 view_model; mat4 projection; vec2 size; float near; float boost; vec4 use_depth; };\n"
+VIEW_BLOCK = "struct SplatView { mat4 view_model; mat4 projection; vec2 size; float near; float boost; vec4 more; };\n"
 SLOW = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
 
 
@@ -68,7 +67,7 @@ class SplatTextures:
 @dataclass(frozen=True)
 class SplatDraw:
     """One splat in one view: its textures, the `count` indices to draw in their order, how much to enlarge the Gaussians, the
-    object's matrix into the view, and `stamp`, which changes whenever `order` or textures do.
+    object's matrix into the view, the view's projection, and `stamp`, which changes whenever `order` or textures do.
     """
 
     textures: SplatTextures
@@ -76,10 +75,21 @@ class SplatDraw:
     count: int
     boost: float
     view_model: Matrix
+    projection: Matrix
     stamp: Any
 
     def key(self) -> Any:
-        return self.stamp, self.count, self.boost, tuple(tuple(row) for row in self.view_model)
+        matrices = (self.view_model, self.projection)
+        return self.stamp, self.count, self.boost, tuple(tuple(row) for matrix in matrices for row in matrix)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What the splats are drawn on: its size in pixels, and the viewport's depth with its pixels to one of the ground's."""
+
+    size: tuple[int, int]
+    depth: gpu.types.GPUTexture | None = None
+    depth_step: int = 1
 
 
 class Painter:
@@ -91,28 +101,25 @@ class Painter:
         self._screen = batch_for_shader(self._overlay, "TRI_STRIP", {"corner": SQUARE})
         self._no_depth = texture(np.ones((1, 1), np.float32))
 
-    def draw_splats(
-        self, draw: SplatDraw, projection: Matrix, size: tuple[int, int], depth: gpu.types.GPUTexture | None = None
-    ) -> None:
-        """Blends a splat over the bound framebuffer of `size` pixels; `depth` (same size) hides what lies behind it."""
+    def draw_splats(self, draw: SplatDraw, ground: Ground, part: range | None = None) -> None:
+        """Blends a splat, or a part of its ordered Gaussians, over the bound framebuffer."""
+        part = range(draw.count) if part is None else part
         gpu.state.blend_set("ALPHA_PREMULT")
         gpu.state.depth_test_set("NONE")
         gpu.state.depth_mask_set(False)
         shader = self._splat
         shader.bind()
-        shader.uniform_sampler("depth_tex", depth or self._no_depth)
-        near = draw.textures.near * draw.view_model.median_scale
-        values = [*_columns(draw.view_model), *_columns(projection), *size, near, draw.boost, depth is not None, 0, 0, 0]
-        block = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", len(values), np.array(values, np.float32)))
+        shader.uniform_sampler("depth_tex", ground.depth or self._no_depth)
+        block = _view_block(draw, ground, part.start)  # kept until the draw: the shader does not hold it
         shader.uniform_block("view", block)
         shader.uniform_sampler("order_tex", draw.order)
         for name, item in draw.textures.samplers.items():
             shader.uniform_sampler(name, item)
-        self._quad.draw_instanced(shader, instance_start=0, instance_count=draw.count)
+        self._quad.draw_instanced(shader, instance_start=0, instance_count=len(part))
         gpu.state.blend_set("NONE")
 
     def lay_over(self, splats: gpu.types.GPUTexture, opacity: float) -> None:
-        """The finished splats over the bound framebuffer, which must be of the same size."""
+        """The finished splats over the bound framebuffer, stretched to its size."""
         gpu.state.blend_set("ALPHA_PREMULT")
         gpu.state.depth_test_set("NONE")
         self._overlay.bind()
@@ -122,39 +129,11 @@ class Painter:
         gpu.state.blend_set("NONE")
 
 
-class Canvas:
-    """One splat in one region as it was drawn last."""
-
-    def __init__(self) -> None:
-        self._buffer: gpu.types.GPUOffScreen | None = None
-        self._key: Any = None
-        self._depth: np.ndarray | None = None
-
-    def paint(self, painter: Painter, draw: SplatDraw, projection: Matrix, opacity: float, depth: np.ndarray) -> bool:
-        """Draws over the bound viewport, whose depth (H, W) was read; True when the splats had to be drawn anew."""
-        size = (depth.shape[1], depth.shape[0])
-        key = size, tuple(tuple(row) for row in projection), draw.key()
-        fresh = key != self._key or self._depth is None or not np.array_equal(depth, self._depth)
-        if fresh:
-            buffer = self._sized(size)
-            with buffer.bind():
-                gpu.state.active_framebuffer_get().clear(color=(0.0, 0.0, 0.0, 0.0))
-                painter.draw_splats(draw, projection, size, texture(depth))
-            self._key, self._depth = key, depth
-        if self._buffer:
-            painter.lay_over(self._buffer.texture_color, opacity)
-        return fresh
-
-    def free(self) -> None:
-        if self._buffer:
-            self._buffer.free()
-        self._buffer = self._key = self._depth = None
-
-    def _sized(self, size: tuple[int, int]) -> gpu.types.GPUOffScreen:
-        if self._buffer is None or (self._buffer.width, self._buffer.height) != size:
-            self.free()
-            self._buffer = gpu.types.GPUOffScreen(*size, format="RGBA16F")
-        return self._buffer
+def _view_block(draw: SplatDraw, ground: Ground, first: int) -> gpu.types.GPUUniformBuf:
+    near = draw.textures.near * draw.view_model.median_scale
+    depth_step = ground.depth_step if ground.depth else 0
+    values = [*_columns(draw.view_model), *_columns(draw.projection), *ground.size, near, draw.boost, depth_step, first, 0, 0]
+    return gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", len(values), np.array(values, np.float32)))
 
 
 def _columns(matrix: Matrix) -> list[float]:
@@ -185,10 +164,13 @@ def _splat_shader() -> gpu.types.GPUShader:
 
 
 def _overlay_shader() -> gpu.types.GPUShader:
+    between = gpu.types.GPUStageInterfaceInfo("gssmc_overlay_between")
+    between.smooth("VEC2", "place")
     info = gpu.types.GPUShaderCreateInfo()
     info.push_constant("FLOAT", "opacity")
     info.sampler(0, "FLOAT_2D", "splats_tex")
     info.vertex_in(0, "VEC2", "corner")
+    info.vertex_out(between)
     return _made(info, "overlay")
 
 

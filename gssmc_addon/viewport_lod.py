@@ -1,42 +1,44 @@
-"""How many Gaussians a redraw may have, by how long redraws take on this machine.
+"""How much one redraw may draw, by how long drawing takes on this machine.
 
-While the view moves a sample is drawn; once it rests, the picture is completed in steps.
+While the view moves a sample of the Gaussians is drawn at once, on slow machines with fewer pixels. When it rests, all are
+drawn, in slices over as many redraws as that takes, so that the window is never held up for long.
 """
 
 from __future__ import annotations
 
-MOVING_S = 0.05  # aimed at for a redraw while the view moves
-STILL_S = 0.6  # a redraw of the resting view may take as long as this
+MOVING_S = 0.04  # aimed at for the splats of a redraw while the view moves
+SLICE_S = 0.06  # and for a slice of the resting picture
 FEWEST = 10_000
-START = {False: 250_000, True: 20_000}  # by whether the processor draws
+SMALLEST_SLICE = 1_000
+LARGEST = 100_000_000
+SHRINKS = (1, 2, 4)
+MOVING = {False: (250_000, 1), True: (20_000, 2)}  # to begin with, by whether the processor draws: Gaussians, shrink
+SLICE = {False: 1_000_000, True: 4_000}
 MOST_MOVING = 1_000_000
-GROWTH = 4
-MEMORY = 0.5  # weight of the newest measurement
 
 
 class Budget:
-    """Learns from `measured` redraws; one for the whole window system."""
+    """Learns from measured passes; one for all regions. `shrink`: pixels of the viewport to one of a moving picture's."""
 
     def __init__(self, software: bool) -> None:
-        self.moving = START[software]
-        self._seconds_each: float | None = None
+        self.moving, self.shrink = MOVING[software]
+        self.slice = SLICE[software]
 
-    def measured(self, drawn: int, seconds: float, moving: bool) -> None:
-        """A redraw of `drawn` Gaussians took `seconds`, all else included."""
-        each = seconds / max(drawn, FEWEST)
-        old = self._seconds_each
-        self._seconds_each = each if old is None else old + MEMORY * (each - old)
-        if not moving:
-            return
+    def moved(self, drawn: int, seconds: float) -> None:
+        """A moving picture of `drawn` Gaussians took `seconds`."""
+        at = SHRINKS.index(self.shrink)
         if seconds > 2 * MOVING_S:
-            self.moving = max(FEWEST, int(self.moving * 0.7))
+            if at + 1 < len(SHRINKS):
+                self.shrink = SHRINKS[at + 1]
+            else:
+                self.moving = max(FEWEST, int(self.moving * 0.7))
+        elif seconds < 0.2 * MOVING_S and at > 0:
+            self.shrink = SHRINKS[at - 1]
         elif seconds < 0.5 * MOVING_S and drawn >= self.moving:
             self.moving = min(MOST_MOVING, int(self.moving * 1.3))
 
-    def next_still(self, drawn: int, total: int) -> int:
-        """How many to draw of a resting view of which `drawn` are shown; `drawn` itself when that has to do."""
-        if self._seconds_each is None:
-            return min(total, max(drawn, self.moving))
-        affordable = int(STILL_S / max(self._seconds_each, 1e-9))
-        wanted = min(total, drawn * GROWTH, affordable)
-        return wanted if wanted >= min(total, 1.3 * drawn) else drawn  # not for a few more
+    def sliced(self, drawn: int, seconds: float) -> None:
+        """A slice of `drawn` Gaussians took `seconds`. A short last one says nothing about longer ones."""
+        factor = min(2.0, max(0.25, SLICE_S / max(seconds, 1e-6)))
+        if factor < 1 or drawn >= self.slice:
+            self.slice = int(min(LARGEST, max(SMALLEST_SLICE, self.slice * factor)))

@@ -11,9 +11,10 @@ import gpu
 import numpy as np
 
 from . import splat_object, viewport_props
+from .viewport_canvas import Canvas, Depth
 from .viewport_clouds import Clouds
 from .viewport_data import back_to_front, boost_for, order_table
-from .viewport_gpu import Canvas, Painter, SplatDraw, SplatTextures, is_software, read_depth, texture
+from .viewport_gpu import Painter, SplatDraw, SplatTextures, is_software, texture
 from .viewport_lod import Budget
 from .viewport_thread import BackThread
 
@@ -27,16 +28,21 @@ class _View:
     """One splat in one region."""
 
     canvas: Canvas = field(default_factory=Canvas)
-    matrix: Any = None  # object to view, as drawn last
+    seen: Any = None  # object to view, and projection, as drawn last
     moved_at: float = 0.0
+    rested: bool = False  # as of the last tick
+    live: bool = True  # in the region's last redraw
     count: int = 0  # how many are wanted
     limit: int = 0  # how many there are to be had
     asked: tuple[Any, ...] = ()  # direction, count and version of the order that was asked for last
-    table: np.ndarray | None = None  # an order that is not on the graphics card yet
+    indices: np.ndarray | None = None  # the order, farthest first
+    sent: bool = True  # false: the order is not on the graphics card yet
     order: gpu.types.GPUTexture | None = None
-    ordered: int = 0  # how many `order` holds
     stamp: int = 0
     version: int = -1
+
+    def rests(self) -> bool:
+        return time.perf_counter() - self.moved_at >= SETTLED_S
 
 
 class Stage:
@@ -48,54 +54,60 @@ class Stage:
         self.painter: Painter | None = None
         self.budget: Budget | None = None
         self._views: dict[tuple[int, int], _View] = {}
-        self._frame: tuple[float, int, bool] | None = None  # start, Gaussians and motion of a redraw that is to be timed
+        self._depths: dict[int, Depth] = {}
 
     # ---- drawing
 
-    def draw(self, context: bpy.types.Context) -> None:
+    def draw(self, context: bpy.types.Context) -> bool:
+        """Draws the splats of the region; True when there are any."""
         shown = _shown(context)
+        living = {obj.data.session_uid for obj in shown}
+        for (region, uid), view in self._views.items():
+            if region == context.region.as_pointer():
+                view.live = uid in living
         if not shown:
-            return
+            return False
         if self.painter is None or self.budget is None:
             self.painter, self.budget = Painter(), Budget(is_software())
-        start, drawn, moving = time.perf_counter(), 0, False
-        depth = read_depth()
+        depth = self._depths.setdefault(context.region.as_pointer(), Depth())
+        moved = depth.update()
         for obj in shown:
             view = self._views.setdefault((context.region.as_pointer(), obj.data.session_uid), _View())
-            drawn += self._draw_one(context, obj, view, depth)
-            moving = moving or start - view.moved_at < SETTLED_S
-        if drawn:
-            self._frame = (start, drawn, moving)
+            if moved:
+                view.moved_at = time.perf_counter()
+            self._draw_one(context, obj, view, depth)
+        return True
 
-    def _draw_one(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, depth: np.ndarray) -> int:
-        """How many Gaussians had to be drawn."""
+    def _draw_one(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, depth: Depth) -> None:
         textures, version = self.clouds.get(obj.data.session_uid)
         if textures is None or not textures.send_next():
-            return 0
+            return
         region = context.region_data
         matrix = region.view_matrix @ obj.matrix_world
-        if matrix != view.matrix:
-            view.matrix, view.moved_at = matrix.copy(), time.perf_counter()
+        seen = (matrix, region.window_matrix.copy())
+        if seen != view.seen:
+            view.seen, view.moved_at = seen, time.perf_counter()
         if version != view.version:  # other Gaussians: their order is unknown
-            view.version, view.order, view.table = version, None, None
+            view.version, view.order, view.indices = version, None, None
         self._plan(context, obj, view, textures)
-        if view.table is not None:
-            view.order, view.table = texture(view.table), None
-            view.stamp += 1
-        if view.order is None:
-            return 0
-        count = min(view.ordered, textures.count)
-        draw = SplatDraw(textures, view.order, count, boost_for(count, textures.count), matrix, (version, view.stamp))
-        opacity = obj.gssmc.opacity * _xray(context.space_data.shading)
-        return count if view.canvas.paint(self.painter, draw, region.window_matrix, opacity, depth) else 0
+        if view.indices is not None:
+            if len(view.indices) > view.count:  # it began to move: the sample, in the order known
+                view.indices, view.sent = view.indices[view.indices < view.count], False
+            if not view.sent:
+                view.order, view.sent = texture(order_table(view.indices)), True
+                view.stamp += 1
+        if view.order is not None and view.indices is not None:
+            count = len(view.indices)
+            boost = boost_for(count, textures.count)
+            draw = SplatDraw(textures, view.order, count, boost, *seen, (version, view.stamp))
+            view.canvas.paint(self.painter, draw, depth, self.budget, count < view.limit or not view.rests())
+        view.canvas.lay_over(self.painter, obj.gssmc.opacity * _share(context))
 
     def _plan(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, textures: SplatTextures) -> None:
         """Decides how many to draw, and asks for their order when that or the direction has changed."""
         view.limit = min(textures.count, obj.gssmc.max_shown)
-        if time.perf_counter() - view.moved_at < SETTLED_S:
-            view.count = self.budget.moving
-        view.count = min(view.count, view.limit)
-        direction = np.array(view.matrix.row[2][:3], np.float32)
+        view.count = view.limit if view.rests() else min(view.limit, self.budget.moving)
+        direction = np.array(view.seen[0].row[2][:3], np.float32)
         direction /= max(float(np.linalg.norm(direction)), 1e-30)
         if view.asked:
             old, count, version = view.asked
@@ -104,40 +116,31 @@ class Stage:
         view.asked = (direction, view.count, view.version)
         means, version = textures.means[: view.count], view.version
         key = ("order", context.region.as_pointer(), obj.data.session_uid)
-        self.thread.ask(key, lambda: (version, len(means), order_table(back_to_front(means, direction))))
+        self.thread.ask(key, lambda: (version, back_to_front(means, direction)))
 
     # ---- between redraws
 
     def tick(self) -> float | None:
         """Carries work on; seconds until the next call, None when there is nothing left to do."""
-        if self._frame and self.budget:
-            start, drawn, moving = self._frame
-            self.budget.measured(drawn, time.perf_counter() - start, moving)
-            self._frame = None
         changed = self._take_answers()
         busy = self.clouds.step()
         regions = _regions()
         for key in [key for key in self._views if key[0] not in regions]:
             self._views.pop(key).canvas.free()
-        waiting = False
-        for (_, uid), view in self._views.items():
+            self._depths.pop(key[0], None)
+        for uid, view in [(key[1], view) for key, view in self._views.items() if view.live]:
             textures, _ = self.clouds.get(uid)
-            changed = changed or (textures is not None and not textures.complete)
-            waiting = waiting or time.perf_counter() - view.moved_at < SETTLED_S
-            changed = self._complete(view) or changed
+            sending = textures is not None and not textures.complete
+            completing = view.rests() and view.count < view.limit
+            changed = changed or sending or completing or view.canvas.working
+            if view.rests() and not view.rested:  # the picture that was good enough to move
+                changed = True
+            view.rested = view.rests()
+            busy = busy or not view.rested
         if changed:
             for region in regions.values():
                 region.tag_redraw()
-        return TICK_S if changed or busy or waiting or not self.thread.idle() else None
-
-    def _complete(self, view: _View) -> bool:
-        """Wants more of a view that rests and has shown all it was to show; True when there is more to be had."""
-        resting = time.perf_counter() - view.moved_at >= SETTLED_S and view.ordered == view.count and view.table is None
-        if self.budget is None or not resting or view.order is None:
-            return False
-        count = self.budget.next_still(view.count, view.limit)
-        more, view.count = count > view.count, max(count, view.count)
-        return more
+        return TICK_S if changed or busy or not self.thread.idle() else None
 
     def _take_answers(self) -> bool:
         found = self.thread.answers()
@@ -147,7 +150,7 @@ class Stage:
                 continue
             view = self._views.get(key[1:])
             if view and result and result[0] == view.version:
-                _, view.ordered, view.table = result
+                view.indices, view.sent = result[1], False
         return bool(found)
 
     def clear(self) -> None:
@@ -156,8 +159,8 @@ class Stage:
         for view in self._views.values():
             view.canvas.free()
         self._views.clear()
+        self._depths.clear()
         self.clouds.clear()
-        self._frame = None
 
 
 def _shown(context: bpy.types.Context) -> list[bpy.types.Object]:
@@ -177,8 +180,16 @@ def _shown(context: bpy.types.Context) -> list[bpy.types.Object]:
     return sorted(found, key=lambda obj: (eye @ obj.matrix_world.translation).z)
 
 
-def _xray(shading: bpy.types.View3DShading) -> float:
-    return shading.xray_alpha if shading.type == "SOLID" and shading.show_xray else 1.0
+def _share(context: bpy.types.Context) -> float:
+    """How opaque the viewport wants its objects: X-ray, and a photo before the camera, which splats must not hide."""
+    shading = context.space_data.shading
+    share = shading.xray_alpha if shading.type == "SOLID" and shading.show_xray else 1.0
+    camera = context.space_data.camera if context.region_data.view_perspective == "CAMERA" else None
+    if camera and camera.type == "CAMERA" and camera.data.show_background_images:
+        for slot in camera.data.background_images:
+            if slot.display_depth == "FRONT" and slot.show_background_image and slot.image:
+                share *= 1.0 - slot.alpha  # it is drawn already, and cannot be drawn once more over the splats
+    return share
 
 
 def _regions() -> dict[int, bpy.types.Region]:

@@ -20,6 +20,7 @@ ORIENTATION_ITEMS = (
 )
 TICK_S = 0.03
 STEP_S = 0.03  # of each tick, at most, for writing into Blender's memory; one attribute may exceed it
+DIALOG_WIDTH = 340
 READING = 0.8  # share of the progress shown
 
 
@@ -54,12 +55,18 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
         description="Where the scan shows as points, switch Solid viewports to Material Preview, which has its colours",
     )
 
-    _in_window = False
+    wait: BoolProperty(
+        name="Wait",
+        default=True,
+        options={"HIDDEN", "SKIP_SAVE"},
+        description="For scripts: return when all is imported. Off, a window goes on meanwhile, as it does after the dialog",
+    )
 
     def invoke(self, context, event):
-        self._in_window = not bpy.app.background
+        self.wait = False
         if self.filepath:  # dropped on the viewport
-            return self.invoke_popup(context)
+            title = f"Import {Path(self.filepath).name}"
+            return context.window_manager.invoke_props_dialog(self, width=DIALOG_WIDTH, title=title, confirm_text="Import")
         return super().invoke(context, event)
 
     def check(self, context):
@@ -75,11 +82,11 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
             self.layout.prop(self, "show_colours")
 
     def execute(self, context):
-        """After the dialog the file comes beside other work; a call from a script waits for it."""
+        """After the dialog the file comes in beside other work; a call from a script waits for it."""
         self._building = None
         self._job = ImportJob(Path(self.filepath), viewport_props.is_drawable())
         self._job.start()
-        if self._in_window and context.window is not None:
+        if not (self.wait or bpy.app.background) and context.window is not None:
             manager = context.window_manager
             self._timer = manager.event_timer_add(TICK_S, window=context.window)
             manager.progress_begin(0, 100)

@@ -3,7 +3,7 @@
 
 void main()
 {
-  vec4 splats = texelFetch(splats_tex, ivec2(gl_FragCoord.xy), 0);
+  vec4 splats = texture(splats_tex, place);
   if (splats.a <= 0.0) {
     discard;
   }

@@ -7,7 +7,8 @@ void main()
   if (alpha < 1.0 / 255.0) {
     discard;
   }
-  if (view.use_depth.x > 0.0 && gl_FragCoord.z > texelFetch(depth_tex, ivec2(gl_FragCoord.xy), 0).r) {
+  float step_px = view.more.x; /* pixels of the viewport to one here; 0: its depth is not known */
+  if (step_px > 0.0 && gl_FragCoord.z > texelFetch(depth_tex, ivec2(gl_FragCoord.xy * step_px), 0).r) {
     discard;
   }
   fragColor = vec4(color.rgb * alpha, alpha);

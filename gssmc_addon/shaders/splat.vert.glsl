@@ -2,7 +2,8 @@
 
 void main()
 {
-  int id = int(texelFetch(order_tex, ivec2(gl_InstanceID % TABLE_WIDTH, gl_InstanceID / TABLE_WIDTH), 0).r);
+  int turn_no = gl_InstanceID + int(view.more.y); /* from the farthest */
+  int id = int(texelFetch(order_tex, ivec2(turn_no % TABLE_WIDTH, turn_no / TABLE_WIDTH), 0).r);
   ivec2 cell = ivec2(id % TABLE_WIDTH, id / TABLE_WIDTH);
   vec4 place = texelFetch(place_tex, cell, 0); /* x y z, opacity */
   vec4 first = texelFetch(shape_tex, cell, 0); /* covariance xx xy xz yy */
