@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..operators import add_photo, cancel, import_splats, models, refine
-from . import cli, jobs, menus, panels, preferences, properties
+from . import cli, jobs, menus, panels, preferences, properties, viewport
 
 _class_modules = (models, preferences, import_splats, add_photo, refine, cancel, panels, menus)
 _cli_commands: list[object] = []
@@ -18,11 +18,13 @@ def register() -> None:
             bpy.utils.register_class(cls)
     menus.register()
     jobs.register()
+    viewport.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
 
 def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
+    viewport.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
     menus.unregister()

@@ -6,7 +6,7 @@ import textwrap
 
 import bpy
 
-from . import jobs, photo_image, preferences, properties, splat_object
+from . import jobs, photo_image, preferences, properties, splat_object, viewport_props
 
 CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4
@@ -39,6 +39,7 @@ def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.label(text="Splat")
     if any(splat_object.is_splat(o) for o in context.scene.objects):
         column.prop(context.scene.gssmc, "splat", text="")
+        viewport_props.draw_settings(column, context.scene.gssmc.splat)
     else:
         column.operator("gssmc.import_splats", text="Import Splat", icon="IMPORT")
 
