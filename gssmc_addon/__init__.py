@@ -4,10 +4,24 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators import add_photo, cancel, import_splats, models, refine
-from . import cli, jobs, menus, panels, preferences, properties
+from ..operators import add_photo, add_photos, cancel, import_splats, models, refine, refine_all, remove_photo, review
+from . import cli, jobs, menus, panels, photo_panel, preferences, properties
 
-_class_modules = (models, preferences, import_splats, add_photo, refine, cancel, panels, menus)
+_class_modules = (
+    models,
+    preferences,
+    import_splats,
+    add_photo,
+    refine,
+    cancel,
+    add_photos,
+    remove_photo,
+    refine_all,
+    review,
+    panels,
+    photo_panel,
+    menus,
+)
 _cli_commands: list[object] = []
 
 

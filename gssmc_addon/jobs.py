@@ -80,8 +80,12 @@ def gather(
     camera: bpy.types.Object | None,
     photo: bpy.types.Image | None,
     settings: RefineSettings,
+    renderer: SplatRenderer | None = None,
 ) -> RefineJob:
-    """Copies all inputs out of Blender. Raises GssmcError, with what to do, when something is missing or unfit."""
+    """Copies all inputs out of Blender, the splat unless its `renderer` is there already.
+
+    Raises GssmcError, with what to do, when something is missing or unfit.
+    """
     if splat is None:
         raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
     if splat.name not in scene.objects:
@@ -94,7 +98,7 @@ def gather(
     camera_bridge.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = photo_image.photo_source(photo)
-    inputs = RefineInputs(SplatRenderer(splat_object.copy_splat(splat)), source, copy, settings)
+    inputs = RefineInputs(renderer or SplatRenderer(splat_object.copy_splat(splat)), source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs)
 
 
