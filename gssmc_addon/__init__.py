@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators import add_photo, add_photos, cancel, import_splats, models, refine, refine_all, remove_photo, review
-from . import cli, jobs, menus, panels, photo_panel, preferences, properties
+from ..operators import add_photo, add_photos, cancel, import_splats, models, preview, refine, refine_all, remove_photo, review
+from . import cli, flicker, jobs, menus, panels, photo_panel, preferences, preview_panel, properties
 
 _class_modules = (
     models,
@@ -18,8 +18,10 @@ _class_modules = (
     remove_photo,
     refine_all,
     review,
+    preview,
     panels,
     photo_panel,
+    preview_panel,
     menus,
 )
 _cli_commands: list[object] = []
@@ -37,6 +39,7 @@ def register() -> None:
 
 def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
+    flicker.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
     menus.unregister()

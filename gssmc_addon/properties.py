@@ -22,7 +22,7 @@ from bpy.props import (
 
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.settings import RefineSettings, choices
-from . import photo_entry, photo_image, preferences, splat_object
+from . import photo_entry, photo_image, preferences, preview_state, splat_object
 
 LIMITS = {
     "iterations": (1, 100),
@@ -163,10 +163,11 @@ class GssmcWindow(bpy.types.PropertyGroup):
     __annotations__ = {
         "message": StringProperty(name="Message", description="What the last operation said"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
+        "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
 
 
-classes = (photo_entry.GssmcPhoto, GssmcScene, GssmcCamera, GssmcWindow)
+classes = (photo_entry.GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
 
 
 def register() -> None:
