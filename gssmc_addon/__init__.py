@@ -4,10 +4,26 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators import add_photo, cancel, import_splats, models, refine
-from . import cli, jobs, menus, panels, preferences, properties, viewport
+from ..operators import add_photo, add_photos, cancel, import_splats, models, preview, refine, refine_all, remove_photo, review
+from . import cli, flicker, jobs, menus, panels, photo_panel, preferences, preview_panel, properties, viewport
 
-_class_modules = (models, preferences, import_splats, add_photo, refine, cancel, panels, menus)
+_class_modules = (
+    models,
+    preferences,
+    import_splats,
+    add_photo,
+    refine,
+    cancel,
+    add_photos,
+    remove_photo,
+    refine_all,
+    review,
+    preview,
+    panels,
+    photo_panel,
+    preview_panel,
+    menus,
+)
 _cli_commands: list[object] = []
 
 
@@ -25,6 +41,7 @@ def register() -> None:
 def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
     viewport.unregister()
+    flicker.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
     menus.unregister()

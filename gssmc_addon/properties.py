@@ -12,6 +12,7 @@ from dataclasses import fields
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     IntProperty,
@@ -21,7 +22,7 @@ from bpy.props import (
 
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.settings import RefineSettings, choices
-from . import photo_image, preferences, splat_object
+from . import photo_entry, photo_image, preferences, preview_state, splat_object
 
 LIMITS = {
     "iterations": (1, 100),
@@ -123,7 +124,7 @@ def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
 
 
 class GssmcScene(bpy.types.PropertyGroup):
-    """On the scene: the splat to refine against, and the refinement's settings."""
+    """On the scene: the splat to refine against, the list of photos, and the refinement's settings."""
 
     __annotations__ = {
         "splat": PointerProperty(
@@ -132,6 +133,8 @@ class GssmcScene(bpy.types.PropertyGroup):
             type=bpy.types.Object,
             poll=lambda self, obj: splat_object.is_splat(obj),
         ),
+        "photos": CollectionProperty(type=photo_entry.GssmcPhoto),
+        "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=photo_entry.picked),
         **settings_annotations(),
     }
 
@@ -167,10 +170,11 @@ class GssmcWindow(bpy.types.PropertyGroup):
     __annotations__ = {
         "message": StringProperty(name="Message", description="What the last operation said"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
+        "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
 
 
-classes = (GssmcScene, GssmcCamera, GssmcWindow)
+classes = (photo_entry.GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
 
 
 def register() -> None:

@@ -14,8 +14,8 @@ from .lens import LensCamera
 from .matches import ViewMatches
 
 SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
-# The fit's covariance knows the noise of the matches, not where the splat itself is off, which all views share: on two scans the
-# errors of pose and focal length were 1.8 and 2.3 times (RMS) what it said (benchmarks/ablations.py, groups stages and lens).
+# The fit's covariance knows the noise of the matches, not where the splat itself is off, which all views share: on two scans
+# the errors of pose and focal length were 1.8 and 2.3 times (RMS) what it said.
 SHARED_ERROR = 2.0
 
 
