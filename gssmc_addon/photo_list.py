@@ -52,7 +52,7 @@ def files(scene: bpy.types.Scene) -> set[str]:
 
 
 def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
-    """Looks through the camera of the picked entry, with its photo filling the frame. False when it has none."""
+    """Looks through the camera of the picked entry. False when it has none."""
     photos, index = scene.gssmc.photos, scene.gssmc.photo_index
     camera = camera_of(scene, photos[index]) if 0 <= index < len(photos) else None
     if camera is None:
@@ -60,8 +60,6 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     left = photo_image.camera_photo(scene.camera) if scene.camera and scene.camera.type == "CAMERA" else None
     image = photo_image.camera_photo(camera)
     scene.camera = camera
-    if image and 0 not in image.size:
-        photo_camera.frame(scene, *image.size)
     if camera.name in context.view_layer.objects:
         photo_camera.look_through(context, camera)
     if left and left != image and not left.is_dirty:

@@ -31,7 +31,7 @@ def test_a_folder_becomes_cameras_and_they_come_home(bpy, listed, place, extensi
     own = listed.gssmc
     assert [entry.camera.name for entry in own.photos] == ["p0", "p1", "p2"]
     assert listed.camera == own.photos[0].camera
-    assert (listed.render.resolution_x, listed.render.resolution_y) == (rooms.WIDTH, rooms.HEIGHT)
+    assert (listed.render.resolution_x, listed.render.resolution_y) == (1920, 1080)  # the artist's own, never asked for
     assert all(max(entry.camera.data.gssmc.photo.preview.image_size) == 64 for entry in own.photos)
     assert bpy.ops.gssmc.refine_all(**rooms.QUICK) == {"FINISHED"}
     read = extension("gssmc_addon.camera_bridge").read_camera
