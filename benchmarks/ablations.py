@@ -4,7 +4,7 @@
 
 Groups: stages (no multi-view, no epipolar, every last stage), candidates (L = 1 .. 12), perturbation (size of the fan),
 iterations (the error after each one, as the plot), lens (a focal length 25 % off). Needs the scans in ../shared/scenes; errors
-are per cent of the scan's median depth and degrees, seconds those of one process on one thread beside N - 1 others.
+are per cent of the scan's median depth and degrees. Seconds are real_scenes.py's: two processes here share the machine.
 """
 
 from __future__ import annotations
@@ -50,13 +50,12 @@ class Variant:
 
 @dataclass(frozen=True)
 class Result:
-    """One photo: errors at the end, (iteration, 2) errors after every iteration, relative focal error, verdict and seconds."""
+    """One photo: errors at the end, (iteration, 2) errors after every iteration, relative focal error and verdict."""
 
     error: tuple[float, float]
     curve: list[tuple[float, float]]
     focal: float
     verdict: str
-    seconds: float
 
 
 def variants() -> list[Variant]:
@@ -104,7 +103,7 @@ def measure(job: tuple[Variant, str, int]) -> Result:
 
     focal = 100 * abs(report.camera.intrinsics.focal / truth.intrinsics.focal - 1)
     curve = [error(camera.pose), *(error(record.pose) for record in report.iterations)]
-    return Result(error(report.camera.pose), curve, focal, report.verdict, report.seconds)
+    return Result(error(report.camera.pose), curve, focal, report.verdict)
 
 
 def row(variant: Variant, name: str, results: list[Result]) -> str:
@@ -115,16 +114,13 @@ def row(variant: Variant, name: str, results: list[Result]) -> str:
     focal = f" {np.median([r.focal for r in results]):.2f} |" if variant.group == "lens" else ""
     median, largest = np.median(e, axis=0), e.max(axis=0)
     errors = f"{median[0]:.3f} / {median[1]:.3f} | {largest[0]:.3f} / {largest[1]:.3f}"
-    seconds = np.median([r.seconds for r in results])
-    return (
-        f"| {variant.name} | {name} | {variant.start} | {errors} | {home} of {len(results)} | {counts} | {seconds:.1f} |{focal}"
-    )
+    return f"| {variant.name} | {name} | {variant.start} | {errors} | {home} of {len(results)} | {counts} |{focal}"
 
 
 def header(group: str) -> str:
     focal = " focal error, % |" if group == "lens" else ""
-    names = "| variant | scan | start | median (% depth / deg) | largest | home | trusted / check / failed | s per photo |"
-    return f"\n### {group}\n\n{names}{focal}\n" + "|---" * (9 if focal else 8) + "|"
+    names = "| variant | scan | start | median (% depth / deg) | largest | home | trusted / check / failed |"
+    return f"\n### {group}\n\n{names}{focal}\n" + "|---" * (8 if focal else 7) + "|"
 
 
 def plot(curves: dict[tuple[str, str], list[Result]], file: Path) -> None:
