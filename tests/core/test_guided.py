@@ -69,3 +69,12 @@ def test_another_lens_makes_another_straight_photo(photo):
     again = photo.with_intrinsics(replace(LENS, dist=(0.0,) * 5))
     np.testing.assert_array_equal(again.grey, photo.raw)
     assert photo.with_intrinsics(LENS).grey.tolist() == photo.grey.tolist()
+
+
+def test_a_tiny_photo_is_no_accident(room):
+    """Windows that shrink with the photo must stay ones that OpenCV takes."""
+    small = LENS.resized(40, 30)
+    photo = WorkingPhoto.of(room.photo(small, TRUTH), small, 640)
+    view = room.render(photo.pinhole, TRUTH)
+    matches = match_corners(view, photo, TRUTH, TRUTH, pick_corners(photo, TRUTH, view), reference=True)
+    assert np.isfinite(matches.view).all()
