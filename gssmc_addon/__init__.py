@@ -6,6 +6,7 @@ import bpy
 
 from ..operators import (
     add_photo,
+    add_photos,
     camera_from_view,
     cancel,
     export_cameras,
@@ -13,14 +14,39 @@ from ..operators import (
     import_splats,
     match_resolution,
     models,
+    preview,
     refine,
+    refine_all,
+    remove_photo,
     report_problem,
+    review,
     undistort_photo,
 )
-from . import cli, jobs, menus, panels, preferences, properties
+from . import cli, flicker, jobs, menus, panels, photo_panel, preferences, preview_panel, properties, viewport
 
-_class_modules = (models, preferences, import_splats, add_photo, refine, cancel, panels, menus)
-_class_modules += (import_cameras, export_cameras, camera_from_view, match_resolution, undistort_photo, report_problem)
+_class_modules = (
+    models,
+    preferences,
+    import_splats,
+    add_photo,
+    refine,
+    cancel,
+    add_photos,
+    remove_photo,
+    refine_all,
+    review,
+    preview,
+    import_cameras,
+    export_cameras,
+    camera_from_view,
+    match_resolution,
+    undistort_photo,
+    report_problem,
+    panels,
+    photo_panel,
+    preview_panel,
+    menus,
+)
 _cli_commands: list[object] = []
 
 
@@ -32,11 +58,14 @@ def register() -> None:
     menus.register()
     preferences.register()
     jobs.register()
+    viewport.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
 
 def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
+    viewport.unregister()
+    flicker.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
     preferences.unregister()

@@ -6,7 +6,8 @@ import textwrap
 
 import bpy
 
-from . import jobs, photo_image, preferences, properties, splat_object
+from . import jobs, photo_image, preferences, properties, splat_object, viewport_props
+from .job import Job
 
 CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4
@@ -39,6 +40,7 @@ def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.label(text="Splat")
     if any(splat_object.is_splat(o) for o in context.scene.objects):
         column.prop(context.scene.gssmc, "splat", text="")
+        viewport_props.draw_settings(column, context.scene.gssmc.splat)
     else:
         column.operator("gssmc.import_splats", text="Import Splat", icon="IMPORT")
 
@@ -61,11 +63,11 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
             draw_text(layout, context, "Bring the camera to about where the photo was taken, then refine.")
 
 
-def _draw_progress(layout: bpy.types.UILayout, job: jobs.RefineJob) -> None:
-    now = job.progress
+def _draw_progress(layout: bpy.types.UILayout, job: Job) -> None:
     column = layout.column(align=True)
-    column.progress(factor=now.fraction, text=now.step[:1].upper() + now.step[1:])
-    column.label(text=f"Iteration {max(now.iteration, 1)} of {now.iterations}")
+    column.progress(factor=job.fraction, text=job.step[:1].upper() + job.step[1:])
+    if job.detail:
+        column.label(text=job.detail)
     column.operator("gssmc.cancel", icon="X")
 
 

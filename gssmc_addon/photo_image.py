@@ -56,12 +56,7 @@ def photo_source(image: bpy.types.Image) -> PhotoSource:
 
 def read_any_photo(path: str) -> Photo:
     """The photo in a file of any format that the engine or Blender decodes. Main thread only. Raises PhotoError."""
-    try:
-        with open(path, "rb") as file:
-            linear = file.read(len(EXR_SIGNATURE)) == EXR_SIGNATURE
-    except OSError:
-        linear = False  # the engine says what is wrong
-    if not linear:
+    if not is_linear(path):
         return read_photo(path)
     before = set(bpy.data.images)
     image = bpy.data.images.load(path, check_existing=True)
@@ -71,6 +66,15 @@ def read_any_photo(path: str) -> Photo:
         if image not in before:
             bpy.data.images.remove(image)
         raise
+
+
+def is_linear(path: str) -> bool:
+    """Whether the file is an OpenEXR picture, which only Blender decodes; False where it cannot be read at all."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(EXR_SIGNATURE)) == EXR_SIGNATURE
+    except OSError:
+        return False  # the engine says what is wrong
 
 
 def _light(image: bpy.types.Image) -> np.ndarray:

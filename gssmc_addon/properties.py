@@ -12,6 +12,7 @@ from dataclasses import fields
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     IntProperty,
@@ -22,7 +23,7 @@ from bpy.props import (
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.settings import RefineSettings, choices
 from ..core.presets import PRESETS
-from . import photo_image, preferences, splat_object
+from . import photo_entry, photo_image, preferences, preview_state, splat_object
 
 LIMITS = {
     "iterations": (1, 100),
@@ -135,7 +136,7 @@ def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
 
 
 class GssmcScene(bpy.types.PropertyGroup):
-    """On the scene: the splat to refine against, and the refinement's settings."""
+    """On the scene: the splat to refine against, the list of photos, and the refinement's settings."""
 
     __annotations__ = {
         "splat": PointerProperty(
@@ -145,6 +146,8 @@ class GssmcScene(bpy.types.PropertyGroup):
             poll=lambda self, obj: splat_object.is_splat(obj),
             update=_splat_picked,
         ),
+        "photos": CollectionProperty(type=photo_entry.GssmcPhoto),
+        "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=photo_entry.picked),
         **settings_annotations(),
     }
 
@@ -183,10 +186,11 @@ class GssmcWindow(bpy.types.PropertyGroup):
     __annotations__ = {
         "message": StringProperty(name="Message", description="What the last operation said"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
+        "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
 
 
-classes = (GssmcScene, GssmcCamera, GssmcWindow)
+classes = (photo_entry.GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
 
 
 def register() -> None:

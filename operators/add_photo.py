@@ -5,7 +5,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
-from ..gssmc_addon import photo_camera, photo_image
+from ..gssmc_addon import photo_camera, photo_image, photo_list
 
 CAMERA_ITEMS = (
     (
@@ -54,6 +54,7 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
         except GssmcError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        photo_list.note(context.scene, camera, photo)
         photo_camera.look_through(context, camera)
         self.report(
             {"INFO"}, f'"{image.name}" ({photo.width} x {photo.height}) is set behind "{camera.name}". ' + " ".join(notes)
