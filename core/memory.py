@@ -1,6 +1,7 @@
 """How much memory a piece of work will take, roughly, so that it can be refused before it takes the machine down.
 
-The factors are upper ends of what was measured (see tests/core/test_memory.py); they err on the side of too much.
+The factors err on the side of too much. Peaks measured while the built-in sample was refined at several sizes (SH degree 1,
+engine alone): 12k Gaussians 0.44 GB, 300k on two threads 0.57, 1M on two threads 0.84; the estimate says 0.48, 0.79 and 1.54.
 """
 
 from __future__ import annotations

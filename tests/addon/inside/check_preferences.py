@@ -42,6 +42,13 @@ def test_a_refinement_beyond_the_memory_limit_is_refused(bpy, own, scene):
     assert scene.camera.data.gssmc.verdict == "NONE"
 
 
+def test_an_import_beyond_the_memory_limit_is_refused(bpy, own, splat_file):
+    own.memory_limit_gb = 0.1
+    with pytest.raises(RuntimeError, match="The import would take about"):
+        bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    assert not bpy.data.pointclouds
+
+
 def test_the_default_preset_fills_untouched_settings(bpy, own, splat_file):
     own.default_preset = "7scenes"
     settings = bpy.context.scene.gssmc
