@@ -4,7 +4,24 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators import add_photo, add_photos, cancel, import_splats, models, preview, refine, refine_all, remove_photo, review
+from ..operators import (
+    add_photo,
+    add_photos,
+    camera_from_view,
+    cancel,
+    export_cameras,
+    import_cameras,
+    import_splats,
+    match_resolution,
+    models,
+    preview,
+    refine,
+    refine_all,
+    remove_photo,
+    report_problem,
+    review,
+    undistort_photo,
+)
 from . import cli, flicker, jobs, menus, panels, photo_panel, preferences, preview_panel, properties, viewport
 
 _class_modules = (
@@ -19,6 +36,12 @@ _class_modules = (
     refine_all,
     review,
     preview,
+    import_cameras,
+    export_cameras,
+    camera_from_view,
+    match_resolution,
+    undistort_photo,
+    report_problem,
     panels,
     photo_panel,
     preview_panel,
@@ -33,6 +56,7 @@ def register() -> None:
         for cls in module.classes:
             bpy.utils.register_class(cls)
     menus.register()
+    preferences.register()
     jobs.register()
     viewport.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
@@ -44,6 +68,7 @@ def unregister() -> None:
     flicker.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
+    preferences.unregister()
     menus.unregister()
     for module in reversed(_class_modules):
         for cls in reversed(module.classes):

@@ -120,8 +120,13 @@ def write_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intr
 
 def move_to_render(scene: bpy.types.Scene, data: bpy.types.Camera, width: int, height: int) -> None:
     """Fits the lens to the render's present resolution; the camera of its `width` x `height` photo stays the same."""
+    write_intrinsics(scene, data, photo_intrinsics(scene, data, width, height))
+
+
+def photo_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, width: int, height: int) -> Intrinsics:
+    """The lens of the camera's `width` x `height` photo."""
     frame = conventions.intrinsics_from_blender(read_lens(scene, data), *lens_frame(scene, data), read_distortion(data))
-    write_intrinsics(scene, data, conventions.photo_in_frame(frame, width, height))
+    return conventions.photo_in_frame(frame, width, height)
 
 
 def _write_lens(scene: bpy.types.Scene, data: bpy.types.Camera, lens: BlenderLens, dist: tuple[float, ...]) -> bool:

@@ -12,11 +12,12 @@ from typing import Any
 
 import bpy
 
+from ..core import memory
 from ..core.errors import RefineError
 from ..core.features.frontend import check_choice
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
-from . import camera_bridge, camera_channels, photo_image, properties, splat_object
+from . import camera_bridge, camera_channels, photo_image, preferences, problem, properties, splat_object
 from .job import TICK_S, Job, redraw
 from .splat_renderer import SplatRenderer
 from .worker import RefineInputs, refinement
@@ -98,8 +99,16 @@ def gather(
     camera_channels.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = photo_image.photo_source(photo)
+    _check_memory(splat, photo, settings)
     inputs = RefineInputs(renderer or SplatRenderer(splat_object.copy_splat(splat)), source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs)
+
+
+def _check_memory(splat: bpy.types.Object, photo: bpy.types.Image, settings: RefineSettings) -> None:
+    """Raises MemoryLimitError when the refinement would take more than the preferences allow."""
+    coefficients = splat_object.sh_coefficients(splat)
+    needed = memory.refine_bytes(len(splat.data.points), coefficients, photo.size[0] * photo.size[1], settings.threads)
+    memory.check("The refinement", needed, preferences.memory_limit(bpy.context))
 
 
 def apply_report(targets: Targets, report: RefineReport) -> str:
@@ -108,6 +117,7 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
     Raises GssmcError, with nothing written, when the splat or the camera changed so that the result cannot be applied.
     """
     scene, splat, camera = targets.find()
+    problem.remember(report)
     notes = []
     if report.verdict != "failed":
         camera_channels.check_writable(camera)

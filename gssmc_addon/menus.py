@@ -1,4 +1,4 @@
-"""File > Import, and files dropped on the viewport."""
+"""File > Import and Export, and files dropped on the viewport."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ from ..core.splats import SUFFIXES
 
 def _draw_import(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     self.layout.operator("gssmc.import_splats", text="Gaussian Splats (.ply, .spz, .splat)")
+    self.layout.operator("gssmc.import_cameras", text="Photo Cameras (COLMAP, transforms.json, JSON)")
+
+
+def _draw_export(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    self.layout.operator("gssmc.export_cameras", text="Photo Cameras (COLMAP, transforms.json, JSON)")
 
 
 class GSSMC_FH_splats(bpy.types.FileHandler):
@@ -27,7 +32,9 @@ classes = (GSSMC_FH_splats,)
 
 def register() -> None:
     bpy.types.TOPBAR_MT_file_import.append(_draw_import)
+    bpy.types.TOPBAR_MT_file_export.append(_draw_export)
 
 
 def unregister() -> None:
+    bpy.types.TOPBAR_MT_file_export.remove(_draw_export)
     bpy.types.TOPBAR_MT_file_import.remove(_draw_import)

@@ -58,6 +58,7 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
         column.prop(camera.data, "lens")
         view = context.space_data
         column.prop(view, "lock_camera", text="Move Camera With View", toggle=True)
+        column.operator("gssmc.camera_from_view")
         if camera.data.gssmc.verdict == "NONE" and not jobs.active():
             draw_text(layout, context, "Bring the camera to about where the photo was taken, then refine.")
 
@@ -118,6 +119,9 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         column = self.layout.column(align=True)
         for name in ("k1", "k2", "p1", "p2", "k3"):
             column.prop(data.gssmc, name, text=f"Distortion {name}" if name == "k1" else name)
+        column = self.layout.column(align=True)
+        column.operator("gssmc.undistort_photo")
+        column.operator("gssmc.match_resolution")
 
 
 class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):

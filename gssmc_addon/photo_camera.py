@@ -47,10 +47,10 @@ def choose_camera(context: bpy.types.Context, mode: str, photo_name: str) -> bpy
     free = usable and photo_image.camera_photo(current) is None and (view is None or view.view_perspective == "CAMERA")
     if mode == "SCENE" or (mode == "AUTO" and free):
         return current
-    return _new_camera(context, Path(photo_name).stem, view)
+    return new_camera(context, Path(photo_name).stem, view)
 
 
-def _new_camera(context: bpy.types.Context, name: str, view: bpy.types.RegionView3D | None) -> bpy.types.Object:
+def new_camera(context: bpy.types.Context, name: str, view: bpy.types.RegionView3D | None) -> bpy.types.Object:
     """A new camera at the current view, or where the scene camera stands."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     current = context.scene.camera
@@ -130,3 +130,10 @@ def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
 def _region_3d(context: bpy.types.Context) -> bpy.types.RegionView3D | None:
     area = context.area
     return area.spaces.active.region_3d if area and area.type == "VIEW_3D" else None
+
+
+def find_view(context: bpy.types.Context) -> bpy.types.RegionView3D | None:
+    """The view of the viewport that the mouse is in, else of the first one of any window."""
+    areas = (area for window in context.window_manager.windows for area in window.screen.areas)
+    first = next((area for area in areas if area.type == "VIEW_3D"), None)
+    return _region_3d(context) or (first.spaces.active.region_3d if first else None)

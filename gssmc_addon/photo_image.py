@@ -94,11 +94,12 @@ def load_image(path: str, photo: Photo) -> bpy.types.Image:
     if turned or tuple(image.size) != (photo.width, photo.height):  # Blender ignores EXIF rotation; the engine does not
         if image.users == 0:
             bpy.data.images.remove(image)
-        image = _packed_copy(Path(path).name, photo)
+        image = packed_copy(Path(path).name, photo)
     return image
 
 
-def _packed_copy(name: str, photo: Photo) -> bpy.types.Image:
+def packed_copy(name: str, photo: Photo) -> bpy.types.Image:
+    """A new image inside the .blend with the photo's pixels."""
     height, width = photo.pixels.shape[:2]  # of a very large photo fewer than its own
     image = bpy.data.images.new(Path(name).stem + ".png", width, height)
     pixels = np.ones((height, width, 4), np.float32)
@@ -129,3 +130,19 @@ def show_behind(data: bpy.types.Camera, image: bpy.types.Image) -> None:
     slot.display_depth = "FRONT"
     slot.show_background_image = True
     data.show_background_images = True
+
+
+def show_instead(data: bpy.types.Camera, image: bpy.types.Image, photo: Photo) -> bpy.types.Image:
+    """Shows `photo`'s pixels where `image` is the camera's background; a copy made before takes the new pixels' place."""
+    name = f"{Path(image.name).stem} undistorted.png"
+    slot = next((b for b in data.background_images if b.image and b.image in (image, data.gssmc.undistorted)), None)
+    old, copy = data.gssmc.undistorted, packed_copy(name, photo)
+    copy.display_aspect = image.display_aspect
+    if slot is None:
+        show_behind(data, copy)
+    else:
+        slot.image = copy
+    data.gssmc.undistorted = copy
+    if old is not None and old.users == 0:
+        bpy.data.images.remove(old)
+    return copy

@@ -22,6 +22,7 @@ from bpy.props import (
 
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.settings import RefineSettings, choices
+from ..core.presets import PRESETS
 from . import photo_entry, photo_image, preferences, preview_state, splat_object
 
 LIMITS = {
@@ -101,6 +102,7 @@ def settings_from(owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProp
         source = overrides if overrides and overrides.is_property_set(option.name) else owner
         value = getattr(source, option.name)
         values[option.name] = float(f"{value:.6g}") if isinstance(value, float) else value  # Blender keeps float32
+    values["threads"] = preferences.threads(bpy.context, values["threads"])
     return RefineSettings(**values)
 
 
@@ -123,6 +125,16 @@ def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
         photo_image.show_behind(self.id_data, self.photo)
 
 
+def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
+    """A scene's first splat brings the preferences' preset, for settings that nobody has touched."""
+    preset = PRESETS.get(preferences.preset(context))
+    names = [option.name for option in fields(RefineSettings) if option.name not in MODEL_OF]
+    if self.splat and preset and not any(self.is_property_set(name) for name in names):
+        for name in names:
+            if getattr(preset, name) != getattr(RefineSettings, name):
+                setattr(self, name, getattr(preset, name))
+
+
 class GssmcScene(bpy.types.PropertyGroup):
     """On the scene: the splat to refine against, the list of photos, and the refinement's settings."""
 
@@ -132,6 +144,7 @@ class GssmcScene(bpy.types.PropertyGroup):
             description="The splat scan: a point cloud imported with File > Import > Gaussian Splats",
             type=bpy.types.Object,
             poll=lambda self, obj: splat_object.is_splat(obj),
+            update=_splat_picked,
         ),
         "photos": CollectionProperty(type=photo_entry.GssmcPhoto),
         "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=photo_entry.picked),
@@ -150,6 +163,9 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name: FloatProperty(name=name, precision=6, step=0.1, description=f"Lens distortion {name} in OpenCV's model")
             for name in ("k1", "k2", "p1", "p2", "k3")
         },
+        "undistorted": PointerProperty(
+            name="Undistorted", description="The photo's copy without lens distortion, for the background", type=bpy.types.Image
+        ),
         "lens_calibrated": BoolProperty(
             name="Calibrated",
             description="The focal length is known well, from a calibration. Otherwise it is a guess (from EXIF, or by eye), "

@@ -77,6 +77,11 @@ def copy_splat(obj: bpy.types.Object) -> SplatCopy:
     return SplatCopy(*shape, read_attribute(cloud, BASE, 4), bands)
 
 
+def sh_coefficients(obj: bpy.types.Object) -> int:
+    """SH coefficients per channel that `copy_splat` would give: 1, 4, 9 or 16."""
+    return 1 + _sh_bands(obj.data) if is_splat(obj) else 1
+
+
 def read_splat(obj: bpy.types.Object) -> GaussianScene:
     """The Gaussians of a splat object. Raises SplatFormatError when it is no splat."""
     return copy_splat(obj).assemble()

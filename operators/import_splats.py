@@ -7,8 +7,9 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
+from ..core import memory
 from ..core.errors import GssmcError
-from ..gssmc_addon import panels, splat_display, splat_import, splat_object, viewport_props
+from ..gssmc_addon import panels, preferences, splat_display, splat_import, splat_object, viewport_props
 from ..gssmc_addon.splat_import_job import ImportJob
 
 ORIENTATION_ITEMS = (
@@ -84,6 +85,11 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
     def execute(self, context):
         """After the dialog the file comes in beside other work; a call from a script waits for it."""
         self._building = None
+        try:
+            memory.check("The import", memory.import_bytes(Path(self.filepath)), preferences.memory_limit(context))
+        except GssmcError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         self._job = ImportJob(Path(self.filepath), viewport_props.is_drawable())
         self._job.start()
         if not (self.wait or bpy.app.background) and context.window is not None:

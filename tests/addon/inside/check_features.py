@@ -123,6 +123,9 @@ def test_a_model_that_is_none_is_one_sentence(bpy, scene, preferences, tmp_path)
 # ---- preferences
 
 
+OWN = ("threads", "memory_limit_gb", "default_preset", "log_file")
+
+
 class Layout:
     """Records what a panel draws."""
 
@@ -132,7 +135,7 @@ class Layout:
     def label(self, text="", icon="NONE"):
         self.said.append(text)
 
-    def operator(self, name, text=""):
+    def operator(self, name, **_):
         self.said.append(name)
         return SimpleNamespace()
 
@@ -149,7 +152,7 @@ class Layout:
 def drawn(bpy, extension, **values):
     layout = Layout()
     names = [f"model_{n}" for n in ("aliked", "disk", "superpoint", "lightglue")]
-    own = SimpleNamespace(layout=layout, **(dict.fromkeys([*names, "base_url"], "") | values))
+    own = SimpleNamespace(layout=layout, **(dict.fromkeys([*names, "base_url", *OWN], "") | values))
     extension("gssmc_addon.preferences").GSSMC_AP_preferences.draw(own, bpy.context)
     return layout.said
 
