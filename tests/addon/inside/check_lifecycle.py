@@ -15,7 +15,9 @@ def traces(bpy):
         for handler in getattr(bpy.app.handlers, kind)
         if "gssmc" in getattr(handler, "__module__", "")
     }
-    properties = {cls for cls in ("Scene", "Camera", "WindowManager") if "gssmc" in getattr(bpy.types, cls).bl_rna.properties}
+    properties = {
+        cls for cls in ("Scene", "Camera", "Object", "WindowManager") if "gssmc" in getattr(bpy.types, cls).bl_rna.properties
+    }
     menu = {f.__name__ for f in bpy.types.TOPBAR_MT_file_import._dyn_ui_initialize() if "gssmc" in f.__module__}
     return types, handlers, properties, menu
 
