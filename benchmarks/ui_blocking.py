@@ -148,7 +148,9 @@ def turn_view(beat: Beat) -> Iterator[float]:
 
 def refine(beat: Beat, files, what: str, to_end: bool) -> Iterator[float]:
     in_view(bpy.ops.gssmc.add_photo, filepath=str(files.photo), camera="NEW", camera_file=str(files.start))
-    yield 3.0
+    yield 1.0
+    yield from until(complete, "the picture through the camera")
+    yield 1.0
     beat.phase()
     start = time.perf_counter()
     in_view(bpy.ops.gssmc.refine, "INVOKE_DEFAULT")
@@ -174,14 +176,15 @@ def steps() -> Iterator[float]:
         sample, large = module("core.synthetic").write_sample(folder), large_scan(folder)
         yield 2.0
         beat = Beat()
-        yield 2.0
+        yield 3.0
+        beat.phase()
+        yield 3.0
         say("nothing, for comparison", None, beat.phase())
         yield from import_large(beat, large)
         yield from turn_view(beat)
         yield from refine(beat, sample, "1M", to_end=False)
         bpy.data.objects.remove(bpy.context.scene.gssmc.splat)
         in_view(bpy.ops.gssmc.import_splats, filepath=str(sample.scene))
-        yield 4.0
         yield from refine(beat, sample, "the room (40,000)", to_end=True)
     print(f"\n{gpu.platform.renderer_get()}; Blender {bpy.app.version_string}; {platform.system()}\n")
     print("| what | s | window held up at most, ms |\n|---|---|---|")

@@ -1,4 +1,7 @@
-"""Splats in the viewport: against the engine's renderer where this machine can draw without a window; reading, stopping, display."""
+"""Splats in the viewport: against the engine's renderer where this machine can draw without a window.
+
+And beside it what needs no graphics: reading, stopping, what is kept on objects.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
