@@ -19,6 +19,7 @@ from .viewport_lod import Budget
 from .viewport_thread import BackThread
 
 TICK_S = 0.02
+SEND_S = 0.02  # of a redraw, for tables; one table may exceed it
 SETTLED_S = 0.25  # a view that has not moved for so long is completed
 SORT_AGAIN = 1 - 1e-5  # cosine of a turn of a quarter degree
 
@@ -80,7 +81,7 @@ class Stage:
 
     def _draw_one(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, depth: Depth) -> None:
         textures, version = self.clouds.get(obj.data.session_uid)
-        if textures is None or not textures.send_next():
+        if textures is None:
             return
         region = context.region_data
         matrix = region.view_matrix @ obj.matrix_world
@@ -89,7 +90,9 @@ class Stage:
             view.seen, view.moved_at = seen, time.perf_counter()
         if version != view.version:  # other Gaussians: their order is unknown
             view.version, view.order, view.indices = version, None, None
-        self._plan(context, obj, view, textures)
+        self._plan(context, obj, view, textures)  # the order is found while tables are sent
+        if not _sent(textures):
+            return
         if view.indices is not None:
             if len(view.indices) > view.count:  # it began to move: the sample, in the order known
                 view.indices, view.sent = view.indices[view.indices < view.count], False
@@ -161,6 +164,15 @@ class Stage:
         self._views.clear()
         self._depths.clear()
         self.clouds.clear()
+
+
+def _sent(textures: SplatTextures) -> bool:
+    """Sends tables for as long as one redraw may; True when all are on the graphics card."""
+    until = time.perf_counter() + SEND_S
+    while not textures.send_next():
+        if time.perf_counter() > until:
+            return False
+    return True
 
 
 def _shown(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -15,7 +15,8 @@ def traces(bpy):
         for handler in getattr(bpy.app.handlers, kind)
         if "gssmc" in getattr(handler, "__module__", "")
     }
-    properties = {cls for cls in ("Scene", "Camera", "WindowManager") if "gssmc" in getattr(bpy.types, cls).bl_rna.properties}
+    owners = ("Scene", "Camera", "Object", "WindowManager")
+    properties = {cls for cls in owners if "gssmc" in getattr(bpy.types, cls).bl_rna.properties}
     menus = (bpy.types.TOPBAR_MT_file_import, bpy.types.TOPBAR_MT_file_export)
     menu = {f.__name__ for menu in menus for f in menu._dyn_ui_initialize() if "gssmc" in f.__module__}
     return types, handlers, properties, menu
