@@ -4,8 +4,21 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators import add_photo, add_photos, cancel, import_splats, models, preview, refine, refine_all, remove_photo, review
-from . import cli, flicker, jobs, menus, panels, photo_panel, preferences, preview_panel, properties
+from ..operators import (
+    add_photo,
+    add_photos,
+    add_plate,
+    cancel,
+    import_splats,
+    models,
+    preview,
+    refine,
+    refine_all,
+    refine_sequence,
+    remove_photo,
+    review,
+)
+from . import cli, flicker, jobs, menus, panels, photo_panel, plate_panel, preferences, preview_panel, properties
 
 _class_modules = (
     models,
@@ -19,9 +32,12 @@ _class_modules = (
     refine_all,
     review,
     preview,
+    add_plate,
+    refine_sequence,
     panels,
     photo_panel,
     preview_panel,
+    plate_panel,
     menus,
 )
 _cli_commands: list[object] = []
