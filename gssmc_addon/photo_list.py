@@ -62,6 +62,7 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     scene.camera = camera
     if image and 0 not in image.size:
         photo_camera.frame(scene, *image.size)
+    context.view_layer.update()  # a camera that was just linked is not in it yet
     if camera.name in context.view_layer.objects:
         photo_camera.look_through(context, camera)
     if left and left != image and not left.is_dirty:
