@@ -7,6 +7,7 @@ import bpy
 from ..operators import (
     add_photo,
     add_photos,
+    add_plate,
     camera_from_view,
     cancel,
     export_cameras,
@@ -17,12 +18,13 @@ from ..operators import (
     preview,
     refine,
     refine_all,
+    refine_sequence,
     remove_photo,
     report_problem,
     review,
     undistort_photo,
 )
-from . import cli, flicker, jobs, menus, panels, photo_panel, preferences, preview_panel, properties, viewport
+from . import cli, flicker, jobs, menus, panels, photo_panel, plate_panel, preferences, preview_panel, properties, viewport
 
 _class_modules = (
     models,
@@ -42,9 +44,12 @@ _class_modules = (
     match_resolution,
     undistort_photo,
     report_problem,
+    add_plate,
+    refine_sequence,
     panels,
     photo_panel,
     preview_panel,
+    plate_panel,
     menus,
 )
 _cli_commands: list[object] = []

@@ -127,7 +127,7 @@ class QueueJob(Job):
                 self._next()
             else:
                 self.note(news)
-        redraw()
+            redraw()
         return self.result() if self.index >= self.count else None
 
     def _take(self, result: Any) -> None:

@@ -15,7 +15,6 @@ from ..core.photo import Photo, read_photo
 from ..core.photo_linear import photo_from_linear
 from ..core.photo_size import EXR_SIGNATURE
 
-EXR_FORMATS = ("OPEN_EXR", "OPEN_EXR_MULTILAYER")
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
 
 
@@ -45,7 +44,7 @@ class PhotoSource:
 def photo_source(image: bpy.types.Image) -> PhotoSource:
     """Copies what is needed to read the image later. Raises PhotoError when it has no pixels of its own."""
     path = bpy.path.abspath(image.filepath, library=image.library)
-    if image.source == "FILE" and image.file_format in EXR_FORMATS:
+    if image.source == "FILE" and _is_exr(image, path):
         return PhotoSource(image.name, path, light=_light(image))
     if image.packed_file:
         return PhotoSource(image.name, path, bytes(image.packed_file.data))
@@ -75,6 +74,11 @@ def is_linear(path: str) -> bool:
             return file.read(len(EXR_SIGNATURE)) == EXR_SIGNATURE
     except OSError:
         return False  # the engine says what is wrong
+
+
+def _is_exr(image: bpy.types.Image, path: str) -> bool:
+    """By its first bytes: asking Blender for the format makes it decode the whole photo, and keep it."""
+    return bytes(image.packed_file.data).startswith(EXR_SIGNATURE) if image.packed_file else is_linear(path)
 
 
 def _light(image: bpy.types.Image) -> np.ndarray:

@@ -60,6 +60,7 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     left = photo_image.camera_photo(scene.camera) if scene.camera and scene.camera.type == "CAMERA" else None
     image = photo_image.camera_photo(camera)
     scene.camera = camera
+    context.view_layer.update()  # a camera that was just linked is not in it yet
     if camera.name in context.view_layer.objects:
         photo_camera.look_through(context, camera)
     if left and left != image and not left.is_dirty:

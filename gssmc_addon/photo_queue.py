@@ -116,6 +116,8 @@ class RefineQueue(QueueJob):
         photo = photo_image.camera_photo(camera)
         job = jobs.gather(scene, splat, camera, photo, self.settings, self._renderer)
         self._targets = job.targets
+        if photo and photo.has_data and not photo.is_dirty and camera != scene.camera:
+            photo.buffers_free()  # OpenEXR is decoded by Blender, which would keep the pixels of every photo
         return partial(refinement, job.inputs)
 
     def note(self, news: RefineProgress) -> None:

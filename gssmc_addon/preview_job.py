@@ -18,7 +18,7 @@ from ..core.photo import Photo, check_size
 from ..core.pose.settings import RefineSettings
 from ..core.render import Renderer
 from ..core.render.view import RenderedView
-from . import camera_bridge, photo_image, preview_images, splat_object
+from . import camera_bridge, photo_image, plate_source, preview_images, splat_object
 from .camera_bridge import CameraCopy
 from .job import Job
 from .photo_image import PhotoSource
@@ -137,7 +137,7 @@ def gather(
     photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
     if photo is None:
         raise RefineError("The scene's camera has no photo; use Add Photo in the GS-SMC panel.")
-    copy, source = camera_bridge.read_camera(scene, camera, splat), photo_image.photo_source(photo)
+    copy, source = camera_bridge.read_camera(scene, camera, splat), plate_source.source_at(scene, camera, photo)
     key = view_key(copy, source, splat, options)
     kept = preview_images.packed_pair(key)
     needed = kept is None or options.style == "MATCHES"
@@ -174,7 +174,10 @@ def restyle(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     if photo is None:
         return
     try:
-        copy, source = camera_bridge.read_camera(context.scene, camera, splat), photo_image.photo_source(photo)
+        copy, source = (
+            camera_bridge.read_camera(context.scene, camera, splat),
+            plate_source.source_at(context.scene, camera, photo),
+        )
     except GssmcError:
         return  # the button says what is wrong
     kept = preview_images.packed_pair(view_key(copy, source, splat, options))

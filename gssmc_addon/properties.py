@@ -91,8 +91,13 @@ def model_annotations() -> dict[str, object]:
     }
 
 
-def settings_from(owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None) -> RefineSettings:
-    """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win. Model files are the preferences'."""
+def settings_from(
+    owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None, **fixed: object
+) -> RefineSettings:
+    """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win, and `fixed` wins over both.
+
+    Model files are the preferences'.
+    """
     values = {}
     for option in fields(RefineSettings):
         if option.name in MODEL_OF:
@@ -103,7 +108,7 @@ def settings_from(owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProp
         value = getattr(source, option.name)
         values[option.name] = float(f"{value:.6g}") if isinstance(value, float) else value  # Blender keeps float32
     values["threads"] = preferences.threads(bpy.context, values["threads"])
-    return RefineSettings(**values)
+    return RefineSettings(**{**values, **fixed})
 
 
 def verdict_title(note: GssmcCamera) -> str:
@@ -177,6 +182,9 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "reasons": StringProperty(name="Reasons", description="Why, one sentence per line"),
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
         "seconds": FloatProperty(name="Seconds", description="Wall time of the last refinement"),
+        "bad_frames": StringProperty(
+            name="Bad Frames", description="Frames of a plate that could not be refined and have no key"
+        ),
     }
 
 

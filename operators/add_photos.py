@@ -39,8 +39,7 @@ class _AddPhotos(JobOperator, ImportHelper):
     def gather(self, context):
         context.view_layer.update()
         known = photo_list.files(context.scene)
-        self._paths = self._chosen()
-        paths = [path for path in self._paths if str(path) not in known]
+        paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
         if not paths:
             raise RefineError("All of these photos are on the list already.")
         return AddPhotosJob(context.scene, paths, self.camera_file)
