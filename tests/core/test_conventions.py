@@ -149,3 +149,17 @@ def test_orientations_put_the_named_axis_up(name, up):
 def test_exif_focal_length_counts_the_diagonal():
     """A full-frame camera's 50 mm on its own 3:2 picture: 50 / 36 of the width."""
     assert conventions.focal_px_from_35mm(50.0, 6000, 4000) == pytest.approx(6000 * 50 / 36)
+
+
+@pytest.mark.parametrize("frame", [(1920, 1080), (1080, 1920), (600, 900), (61, 90)])
+def test_a_photo_lies_whole_in_the_middle_of_the_frame(frame):
+    """Its corners by hand, and back again."""
+    photo = Intrinsics(60, 90, 80.0, 84.0, 31.0, 44.0, (0.1, 0, 0, 0, 0))
+    whole = conventions.frame_around_photo(photo, *frame)
+    scale = min(frame[0] / 60, frame[1] / 90)
+    corner = np.divide(frame, 2) - scale * np.array([30, 45])
+    points = np.array([[0.1, -0.2, 1.0], [-0.3, 0.4, 2.0]])
+    np.testing.assert_allclose(whole.project(points), photo.project(points) * scale + corner)
+    back = conventions.photo_in_frame(whole, 60, 90)
+    np.testing.assert_allclose(back.matrix, photo.matrix, rtol=1e-12)
+    assert back.dist == photo.dist
