@@ -141,8 +141,8 @@ def _coefficients(
     rows = scratch.rows[:pairs]
     table.take(g.ravel(), axis=0, out=rows, mode="clip")
     columns = scratch.columns[: ROW * padded].reshape(ROW, padded)
-    cv2.transpose(rows, columns[:, :pairs])
-    columns[:, pairs:] = 0
+    cv2.transpose(rows[:, :FEATURES], columns[:FEATURES, :pairs])
+    columns[:FEATURES, pairs:] = 0
     relative = columns[:L1, :pairs].reshape(L1, *g.shape)
     relative -= offset[:, None]
     rows[:, FEATURES + 4] = columns[Z, :pairs]

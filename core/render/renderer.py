@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
 
@@ -18,13 +17,14 @@ from ..splats.scene import GaussianScene
 from .blend import CHANNELS, PIXELS, Scratch, TileImage, blend_tiles
 from .color import colors
 from .project import FEATURES, TILE, Splats, View, depth_order, project_chunk
+from .sharing import Workers
 from .tables import CHUNK, build_tables
 from .tiles import Order, TileLists, bin_band, join_bands, plan_batches
 from .view import RenderedView, RenderSettings
 
 Float32Array = NDArray[np.float32]
 IndexArray = NDArray[np.intp]
-Run = Callable[..., Iterator[Any]]  # map, or that of a thread pool
+Run = Callable[..., list[Any]]
 
 BAND_TILES = 1024  # tiles binned at once
 STRIPE_BANDS = 4  # bands whose lists are held at once; nothing here depends on the threads, so neither does the image
@@ -57,8 +57,8 @@ class Renderer:
             splats = self._rooms.pop()
         except IndexError:
             splats = Splats(len(self._tables))
-        with ThreadPoolExecutor(threads) as pool:
-            run: Run = pool.map if threads > 1 else map
+        with Workers(threads) as workers:
+            run = workers.run
             order = self._project(view, splats, run, poll)
             if len(order.slots):
                 for stripe in target.stripes():
@@ -87,8 +87,8 @@ class Renderer:
                 cv2.transpose(rgb, splats.table[own, FEATURES : FEATURES + 3])
             return None
 
-        found = list(run(project, parts))
-        order: Order = next(iter(list(run(finish, [None, *parts], [None, *found]))))
+        found = run(project, parts)
+        order: Order = run(finish, [None, *parts], [None, *found])[0]
         return order
 
     def render_many(
@@ -135,9 +135,9 @@ class _Stripe:
             poll()
             return bin_band(splats, order, self.target.columns, *band)
 
-        lists = join_bands(list(run(bin_, self.bands)))
-        list(run(lambda batch: self._blend(splats.table, lists, batch, poll), plan_batches(lists.count)))
-        list(run(self._store, self.bands))
+        lists = join_bands(run(bin_, self.bands))
+        run(lambda batch: self._blend(splats.table, lists, batch, poll), plan_batches(lists.count))
+        run(self._store, self.bands)
 
     def _blend(self, table: Float32Array, lists: TileLists, batch: IndexArray, poll: Callable[[], None]) -> None:
         k = self.target.k

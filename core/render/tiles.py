@@ -18,6 +18,7 @@ Int64Array = NDArray[np.int64]
 IndexArray = NDArray[np.intp]
 
 BATCH_PAIRS = 49152  # pairs of a batch: some twenty batches in a photo, so that two threads end together
+LAST_PAIRS = 2 * BATCH_PAIRS  # pairs at the end of a frame that come in batches of a quarter
 TILE_COST = 8  # what a tile counts at least, in pairs; bounds the tiles of a batch
 
 
@@ -73,13 +74,17 @@ def join_bands(bands: Sequence[TileLists]) -> TileLists:
 
 
 def plan_batches(count: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """The tiles that list anything, in batches of about BATCH_PAIRS pairs, longest lists first.
+    """The tiles that list anything, in batches of about BATCH_PAIRS pairs, longest lists first, less in the last ones.
 
-    Lists of one length fill a batch's rounds evenly, and the workers that share the batches end together.
+    Lists of one length fill a batch's rounds evenly; small last batches let the workers that share them end together.
     """
     order = np.argsort(-count, kind="stable")[: np.count_nonzero(count)]
-    batch = (np.cumsum(np.maximum(count[order], TILE_COST)) - 1) // BATCH_PAIRS
-    return np.split(order, np.flatnonzero(np.diff(batch)) + 1) if len(order) else []
+    if not len(order):
+        return []
+    pairs = np.cumsum(np.maximum(count[order], TILE_COST)) - 1
+    late = max(0, int(pairs[-1]) - LAST_PAIRS)
+    batch = pairs // BATCH_PAIRS + np.maximum(pairs - late, 0) // (BATCH_PAIRS // 4)
+    return np.split(order, np.flatnonzero(np.diff(batch)) + 1)
 
 
 def _pack(high: IndexArray, low: Int16Array | Int32Array) -> Int64Array:
