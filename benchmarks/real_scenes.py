@@ -1,6 +1,6 @@
 """Accuracy and speed on the real scans: every held-out photo, from starts a stated distance off, against the known poses.
 
-    .venv/bin/python benchmarks/real_scenes.py [--scenes fox monstree] [--starts near far] [--seeds N] [--ablations]
+    .venv/bin/python benchmarks/real_scenes.py [--scenes fox monstree] [--starts near far] [--seeds N]
 
 Needs the scans in ../shared/scenes (see the README); errors are per cent of the scan's median depth and degrees.
 """
@@ -27,12 +27,12 @@ from core.pose.report import RefineReport
 from core.pose.settings import RefineSettings
 from core.render import Renderer, RenderSettings
 from core.splats import read_splats
+from core.splats.scene import GaussianScene
 from core.synthetic import perturb_camera
 
 SCENES = ROOT.parent / "shared" / "scenes"
 STARTS = {"near": (0.05, 4.0), "far": (0.30, 20.0), "hard": (0.50, 30.0)}  # share of the median depth, degrees
 BOUNDS = {"near": (0.3, 0.2), "far": (0.5, 0.3), "hard": (0.5, 0.3)}  # per cent, degrees: what counts as home
-VARIANTS = {"full": {}, "no multi-view": {"multiview": False}, "no epipolar": {"epipolar": False}}
 
 
 @dataclass(frozen=True)
@@ -50,22 +50,37 @@ def start_camera(truth: Camera, depth: float, ratio: float, degrees: float, seed
     return perturb_camera(truth, ratio * depth, degrees, seed)
 
 
-def run_scene(scene: str, start: str, settings: RefineSettings, seeds: int) -> list[Trial]:
-    folder = SCENES / scene
-    depth = json.loads((folder / "queries.json").read_text())["median_depth"]
-    renderer = Renderer(read_splats(folder / "scene.ply"), RenderSettings(threads=1))
-    trials = []
-    for index, truth in enumerate(read_cameras(folder / "queries.json")):
-        photo = read_photo(folder / truth.file)
+@dataclass(frozen=True)
+class Scan:
+    """A scan: Gaussians, renderer on one thread (a refinement draws its views side by side), held-out cameras, median depth."""
+
+    name: str
+    scene: GaussianScene
+    renderer: Renderer
+    cameras: list[Camera]
+    depth: float
+
+    @classmethod
+    def load(cls, name: str) -> Scan:
+        folder = SCENES / name
+        scene = read_splats(folder / "scene.ply")
+        depth = json.loads((folder / "queries.json").read_text())["median_depth"]
+        return cls(name, scene, Renderer(scene, RenderSettings(threads=1)), read_cameras(folder / "queries.json"), depth)
+
+
+def run_scene(name: str, start: str, settings: RefineSettings, seeds: int) -> list[Trial]:
+    scan, trials = Scan.load(name), []
+    for index, truth in enumerate(scan.cameras):
+        photo = read_photo(SCENES / name / truth.file)
         for seed in range(seeds):
-            camera = start_camera(truth, depth, *STARTS[start], seed=index + 100 * seed)
-            report = refine(renderer, photo, camera, replace(settings, seed=seed))
+            camera = start_camera(truth, scan.depth, *STARTS[start], seed=index + 100 * seed)
+            report = refine(scan.renderer, photo, camera, replace(settings, seed=seed))
             distance, degrees = pose_error(report.camera.pose, truth.pose)
-            trials.append(Trial(Path(truth.file).stem, 100 * distance / depth, degrees, report))
+            trials.append(Trial(Path(truth.file).stem, 100 * distance / scan.depth, degrees, report))
     return trials
 
 
-def row(scene: str, start: str, variant: str, trials: list[Trial]) -> str:
+def row(scene: str, start: str, trials: list[Trial]) -> str:
     d, r = np.array([t.distance for t in trials]), np.array([t.degrees for t in trials])
     home = int(((d <= BOUNDS[start][0]) & (r <= BOUNDS[start][1])).sum())
     verdicts = [t.report.verdict for t in trials]
@@ -73,15 +88,15 @@ def row(scene: str, start: str, variant: str, trials: list[Trial]) -> str:
     wrong = sum(t.report.verdict == "trusted" for t in lost)
     seconds = np.array([t.report.seconds for t in trials])
     return (
-        f"| {scene} | {start} | {variant} | {np.median(d):.3f} / {np.median(r):.3f} | {d.max():.3f} / {r.max():.3f} "
+        f"| {scene} | {start} | {np.median(d):.3f} / {np.median(r):.3f} | {d.max():.3f} / {r.max():.3f} "
         f"| {home} of {len(trials)} | {verdicts.count('trusted')} / {verdicts.count('check')} / {verdicts.count('failed')} "
         f"| {wrong} | {np.median(seconds):.1f} | {np.median([len(t.report.iterations) for t in trials]):.0f} |"
     )
 
 
 HEADER = (
-    "| scan | start | variant | median error (% depth / deg) | largest | home | trusted / check / failed "
-    "| lost but trusted | s per photo | iterations |\n|---|---|---|---|---|---|---|---|---|---|"
+    "| scan | start | median error (% depth / deg) | largest | home | trusted / check / failed "
+    "| lost but trusted | s per photo | iterations |\n|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -91,7 +106,6 @@ def main() -> int:
     parser.add_argument("--starts", nargs="+", choices=STARTS, default=["near", "far"])
     parser.add_argument("--seeds", type=int, default=1, help="starts per photo")
     parser.add_argument("--threads", type=int, default=0, help="0 = all cores")
-    parser.add_argument("--ablations", action="store_true", help="also without multi-view and without the epipolar stage")
     parser.add_argument("--json", type=Path, help="write every trial here")
     parser.add_argument("--verbose", action="store_true")
     args = parser.parse_args()
@@ -102,13 +116,12 @@ def main() -> int:
     dump = []
     for scene in args.scenes:
         for start in args.starts:
-            for variant, switches in VARIANTS.items() if args.ablations else [("full", {})]:
-                trials = run_scene(scene, start, replace(RefineSettings(threads=args.threads), **switches), args.seeds)
-                print(row(scene, start, variant, trials), flush=True)
-                for t in trials:
-                    dump.append([scene, start, variant, t.name, t.distance, t.degrees, t.report.verdict, t.report.seconds])
-                    if args.verbose:
-                        print("  ", t.name, f"{t.distance:.3f} % {t.degrees:.3f} deg", t.report.verdict, *t.report.reasons)
+            trials = run_scene(scene, start, RefineSettings(threads=args.threads), args.seeds)
+            print(row(scene, start, trials), flush=True)
+            for t in trials:
+                dump.append([scene, start, t.name, t.distance, t.degrees, t.report.verdict, t.report.seconds])
+                if args.verbose:
+                    print("  ", t.name, f"{t.distance:.3f} % {t.degrees:.3f} deg", t.report.verdict, *t.report.reasons)
     print(f"\npeak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
     if args.json:
         args.json.write_text(json.dumps(dump, indent=1))

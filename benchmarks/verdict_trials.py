@@ -16,7 +16,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -27,7 +27,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
-from real_scenes import SCENES, STARTS, start_camera
+from real_scenes import SCENES, STARTS, Scan, start_camera
 
 from core.camera import Camera, pose_error
 from core.camera_files import read_cameras
@@ -37,8 +37,6 @@ from core.pose.report import PoseQuality
 from core.pose.settings import RefineSettings
 from core.pose.verdict import judge
 from core.render import Renderer, RenderSettings
-from core.splats import read_splats
-from core.splats.scene import GaussianScene
 
 RIGHT = (1.0, 1.0)  # per cent of the median depth, degrees
 ALL_STARTS = {**STARTS, "hopeless": (1.5, 90.0)}
@@ -97,32 +95,16 @@ def plan() -> Iterator[tuple[str, str, str, int]]:
                 yield scene, spoiler, start, 3
 
 
-@dataclass(frozen=True)
-class Scan:
-    """A scan with its renderer, held-out photos and median depth."""
-
-    name: str
-    scene: GaussianScene
-    renderer: Renderer
-    cameras: list[Camera]
-    depth: float
-
-    @classmethod
-    def load(cls, name: str) -> Scan:
-        folder = SCENES / name
-        scene = read_splats(folder / "scene.ply")
-        depth = json.loads((folder / "queries.json").read_text())["median_depth"]
-        return cls(name, scene, Renderer(scene, RenderSettings(threads=1)), read_cameras(folder / "queries.json"), depth)
-
-    def without(self, camera: Camera) -> Renderer:
-        """The scan without all that `camera` sees, and a margin around it."""
-        k = camera.intrinsics
-        pixels = k.pinhole().project(camera.pose.transform(self.scene.means))
-        margin = CUT_MARGIN * np.array([k.width, k.height])
-        with np.errstate(invalid="ignore"):
-            seen = ((pixels > -margin) & (pixels < np.array([k.width, k.height]) + margin)).all(axis=1)
-        rest = {f.name: getattr(self.scene, f.name)[~seen] for f in fields(self.scene) if f.name not in ("dropped", "format")}
-        return Renderer(replace(self.scene, **rest), RenderSettings(threads=1))
+def without(scan: Scan, camera: Camera) -> Renderer:
+    """The scan without all that `camera` sees, and a margin around it."""
+    k = camera.intrinsics
+    pixels = k.pinhole().project(camera.pose.transform(scan.scene.means))
+    margin = CUT_MARGIN * np.array([k.width, k.height])
+    with np.errstate(invalid="ignore"):
+        seen = ((pixels > -margin) & (pixels < np.array([k.width, k.height]) + margin)).all(axis=1)
+    columns = {f.name: getattr(scan.scene, f.name) for f in fields(scan.scene)}
+    rest = {name: column[~seen] for name, column in columns.items() if isinstance(column, np.ndarray)}
+    return Renderer(replace(scan.scene, **rest), RenderSettings(threads=1))
 
 
 def run(scan: Scan, spoiler: str, start: str, seed: int) -> Iterator[dict[str, object]]:
@@ -134,7 +116,7 @@ def run(scan: Scan, spoiler: str, start: str, seed: int) -> Iterator[dict[str, o
             other = others[index % len(others)]
             source, camera = SCENES / OTHER[scan.name] / other.file, replace(camera, intrinsics=other.intrinsics)
         photo = Photo(SPOILERS[spoiler](read_photo(source).pixels, np.random.default_rng(index)))
-        renderer = scan.without(truth) if spoiler == "cut out of the scan" else scan.renderer
+        renderer = without(scan, truth) if spoiler == "cut out of the scan" else scan.renderer
         report = refine(renderer, photo, camera, RefineSettings(seed=seed, threads=1))
         # what "failed" held back counts too, or the verdict would look better for holding back right poses
         held_back = report.verdict == "failed" and report.iterations

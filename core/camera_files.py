@@ -1,14 +1,17 @@
 """Camera JSON: one camera, or a list under "frames".
 
 A camera is {"file", "width", "height", "fx", "fy", "cx", "cy", "dist": [k1, k2, p1, p2(, k3)], "R": 3x3, "t": [3]};
-world-to-camera, OpenCV axes, pixel centres at +0.5. "file" and "dist" may be left out.
+world-to-camera, OpenCV axes, pixel centres at +0.5. "file" and "dist" may be left out; "focal_guessed": true says that the
+focal length is no calibration. A start may leave out its whole lens (see `Start`): the photo then gives one.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,19 +19,44 @@ from .atomic import atomic_write
 from .camera import Camera, Intrinsics, Pose
 from .errors import CameraError
 
+T = TypeVar("T")
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
+
+
+@dataclass(frozen=True)
+class Start:
+    """A rough camera as its file gives it: `intrinsics` is None where the file tells a pose and no lens."""
+
+    pose: Pose
+    file: str = ""
+    intrinsics: Intrinsics | None = None
+    focal_guessed: bool = False
+
+    def camera(self, guess: Intrinsics) -> Camera:
+        """The camera; `guess` takes the place of a lens that the file does not tell."""
+        if self.intrinsics is None:
+            return Camera(guess, self.pose, self.file, focal_guessed=True)
+        return Camera(self.intrinsics, self.pose, self.file, self.focal_guessed)
 
 
 def read_cameras(path: str | Path) -> list[Camera]:
     """All cameras of a file, in its order. Raises CameraError with one sentence that names the camera and the key."""
-    path = Path(path)
+    return _read(Path(path), camera_from_dict)
+
+
+def read_starts(path: str | Path) -> list[Start]:
+    """As `read_cameras`, of cameras that may lack their lens."""
+    return _read(Path(path), start_from_dict)
+
+
+def _read(path: Path, parse: Callable[[Any, str], T]) -> list[T]:
     data = load_json(path)
     if isinstance(data, dict) and "frames" not in data:
-        return [camera_from_dict(data, f"The camera in '{path.name}'")]
+        return [parse(data, f"The camera in '{path.name}'")]
     frames = data["frames"] if isinstance(data, dict) else data
     if not isinstance(frames, list) or not frames:
         raise CameraError(f"'{path.name}' has no list of cameras under \"frames\"; give at least one camera there.")
-    return [camera_from_dict(frame, f"Camera {i + 1} of '{path.name}'") for i, frame in enumerate(frames)]
+    return [parse(frame, f"Camera {i + 1} of '{path.name}'") for i, frame in enumerate(frames)]
 
 
 def load_json(path: Path) -> Any:
@@ -52,34 +80,57 @@ def write_cameras(path: str | Path, cameras: list[Camera]) -> None:
 
 
 def camera_to_dict(camera: Camera) -> dict[str, Any]:
-    """The camera as JSON holds it; `dist` has k1 k2 p1 p2, and k3 where it is not zero."""
+    """The camera as JSON holds it; `dist` has k1 k2 p1 p2, and k3 where it is not zero; "focal_guessed" stands where true."""
     k = camera.intrinsics
     numbers = {name: getattr(k, name) for name in NUMBERS}
     dist = list(k.dist if k.dist[4] else k.dist[:4])
-    return {"file": camera.file, **numbers, "dist": dist, "R": camera.pose.R.tolist(), "t": camera.pose.t.tolist()}
+    guessed = {"focal_guessed": True} if camera.focal_guessed else {}
+    pose = {"R": camera.pose.R.tolist(), "t": camera.pose.t.tolist()}
+    return {"file": camera.file, **numbers, "dist": dist, **guessed, **pose}
 
 
 def camera_from_dict(data: Any, name: str = "The camera") -> Camera:
     """The camera in a JSON object; `name` begins the sentence of a CameraError."""
+    _check_keys(data, (*NUMBERS, "R", "t"), name)
+    lens, start = _lens(data, name), start_from_dict(data, name)
+    return start.camera(lens)
+
+
+def start_from_dict(data: Any, name: str = "The camera") -> Start:
+    """The start in a JSON object: a camera, or a pose without any of the lens's keys. Raises CameraError."""
+    whole = isinstance(data, dict) and any(key in data for key in (*NUMBERS, "dist"))
+    _check_keys(data, (*(NUMBERS if whole else ()), "R", "t"), name)
+    lens = _lens(data, name) if whole else None
+    R, t = _numbers(data["R"], (3, 3), name, "R"), _numbers(data["t"], (3,), name, "t")
+    file, guessed = data.get("file", ""), data.get("focal_guessed", False)
+    if not isinstance(file, str):
+        raise CameraError(f"{name} has a file that is not text; give the photo's path.")
+    if not isinstance(guessed, bool):
+        raise CameraError(f"{name} has a focal_guessed that is neither true nor false; correct it.")
+    try:
+        return Start(Pose(R, t), file, lens, guessed or lens is None)
+    except CameraError as error:
+        raise CameraError(f"{name} cannot be used: {error}") from None
+
+
+def _check_keys(data: Any, keys: tuple[str, ...], name: str) -> None:
     if not isinstance(data, dict):
         raise CameraError(f"{name} is not a JSON object; give one with width, height, fx, fy, cx, cy, R and t.")
-    missing = [key for key in (*NUMBERS, "R", "t") if key not in data]
+    missing = [key for key in keys if key not in data]
     if missing:
         raise CameraError(f"{name} lacks {', '.join(missing)}; give width, height, fx, fy, cx, cy, R and t.")
+
+
+def _lens(data: dict[str, Any], name: str) -> Intrinsics:
     numbers = {key: float(_numbers(data[key], (), name, key)) for key in NUMBERS}
     for key in ("width", "height"):
         if not numbers[key].is_integer():
             raise CameraError(f"{name} has a {key} of {numbers[key]:g} pixels; give a whole number.")
     dist = np.atleast_1d(_numbers(data.get("dist") or [], (-1,), name, "dist"))
-    R, t = _numbers(data["R"], (3, 3), name, "R"), _numbers(data["t"], (3,), name, "t")
-    file = data.get("file", "")
-    if not isinstance(file, str):
-        raise CameraError(f"{name} has a file that is not text; give the photo's path.")
+    fx, fy, cx, cy = (numbers[key] for key in ("fx", "fy", "cx", "cy"))
+    distortion: Any = tuple(dist.tolist())  # Intrinsics pads four values to five, and refuses more
     try:
-        fx, fy, cx, cy = (numbers[key] for key in ("fx", "fy", "cx", "cy"))
-        distortion: Any = tuple(dist.tolist())  # Intrinsics pads four values to five, and refuses more
-        lens = Intrinsics(int(numbers["width"]), int(numbers["height"]), fx, fy, cx, cy, distortion)
-        return Camera(lens, Pose(R, t), file)
+        return Intrinsics(int(numbers["width"]), int(numbers["height"]), fx, fy, cx, cy, distortion)
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
-from .commands import batch, demo, evaluate, refine, render
+from .commands import batch, demo, evaluate, features, refine, render
 from .commands.flags import OneLineParser, UsageError
 from .commands.outcome import BAD_INPUT, INTERRUPTED, Outcome
 from .console import note
 from .errors import GssmcError
 
-COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo, "evaluate": evaluate}
+COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo, "evaluate": evaluate, "features": features}
+WITHOUT_SCENE = frozenset({"evaluate", "features"})  # a caller that saves scenes has nothing to add to them
 
 
 def build_parser(
@@ -24,9 +25,9 @@ def build_parser(
     """The parser with all subcommands; `add_options` may add to each of them. Wrong usage raises UsageError."""
     parser = OneLineParser(prog=prog, description="Finds the exact camera of a photo inside a 3D Gaussian Splatting scan.")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for module in COMMANDS.values():
+    for name, module in COMMANDS.items():
         sub = module.add_parser(commands)
-        if add_options is not None:
+        if add_options is not None and name not in WITHOUT_SCENE:
             add_options(sub)
     return parser
 

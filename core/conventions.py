@@ -23,6 +23,11 @@ Orientation = Literal["Y_DOWN", "Y_UP", "Z_UP", "Z_DOWN"]
 ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
 
 FLIP_YZ = np.diag([1.0, -1.0, -1.0])  # OpenCV camera axes <-> OpenGL/Blender camera axes; its own inverse
+# The half turn about x that takes a world with y down to one with y up, and back: factors of x y z, of a Gaussian's quaternion
+# w x y z (its ellipsoid is its own mirror image in its axes), and of SH coefficients 0..15, each the parity of its polynomial.
+HALF_TURN_X = np.array([1.0, -1.0, -1.0])
+HALF_TURN_X_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])
+HALF_TURN_X_SH = np.array([1.0, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1])
 NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 SIMILARITY_TOLERANCE = 1e-3  # Blender's matrices are float32, and users type scales by hand
@@ -172,6 +177,32 @@ def blender_from_intrinsics(intrinsics: Intrinsics, like: BlenderLens) -> Blende
         lens_mm=fx * ax * sensor / size,
         shift_x=(intrinsics.width / 2 - intrinsics.cx) * ax / size,
         shift_y=(intrinsics.cy - intrinsics.height / 2) * ay / size,
+    )
+
+
+def photo_in_frame(frame: Intrinsics, width: int, height: int) -> Intrinsics:
+    """The camera of a `width` x `height` photo that lies in the middle of the frame, as large as fits whole (Blender's "Fit").
+
+    The frame is the camera of the whole render; where the shapes are the same, the photo fills it.
+    """
+    scale = min(frame.width / width, frame.height / height)
+    return _recentred(frame, width, height, 1 / scale)
+
+
+def frame_around_photo(photo: Intrinsics, width: int, height: int) -> Intrinsics:
+    """The camera of a `width` x `height` render in which the photo lies as `photo_in_frame` says; its inverse."""
+    return _recentred(photo, width, height, min(width / photo.width, height / photo.height))
+
+
+def _recentred(k: Intrinsics, width: int, height: int, scale: float) -> Intrinsics:
+    return replace(
+        k,
+        width=width,
+        height=height,
+        fx=k.fx * scale,
+        fy=k.fy * scale,
+        cx=(k.cx - k.width / 2) * scale + width / 2,
+        cy=(k.cy - k.height / 2) * scale + height / 2,
     )
 
 

@@ -21,6 +21,10 @@ class DatasetError(GssmcError):
     """A file or folder of poses cannot be read, or does not fit another one."""
 
 
+class FeatureError(GssmcError):
+    """Features or a matcher cannot be used: unknown, without a model file, or with one that does not work."""
+
+
 class RefineError(GssmcError):
     """A refinement cannot start or go on with what it was given."""
 

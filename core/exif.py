@@ -1,4 +1,4 @@
-"""The few EXIF tags that place a photo: orientation and focal length, from JPEG, PNG, WebP and TIFF bytes."""
+"""The few EXIF tags that place a photo: orientation, focal length and camera model, from JPEG, PNG, WebP and TIFF bytes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-ORIENTATION, EXIF_IFD = 0x0112, 0x8769
+ORIENTATION, EXIF_IFD, MODEL = 0x0112, 0x8769, 0x0110
+TIFF_WIDTH, TIFF_HEIGHT = 0x0100, 0x0101
+ASCII, MODEL_CHARACTERS = 2, 64
 FOCAL_LENGTH, FOCAL_35MM = 0x920A, 0xA405
 PIXELS_X, PIXELS_Y = 0xA002, 0xA003
 PLANE_X_RESOLUTION, PLANE_UNIT = 0xA20E, 0xA210
@@ -19,25 +21,43 @@ READERS = {1: ("B", 1), 3: ("H", 2), 4: ("I", 4), 5: ("II", 8), 9: ("i", 4), 10:
 
 @dataclass(frozen=True)
 class Exif:
-    """`orientation` 1..8 as EXIF numbers it; `focal_35mm` the 35 mm equivalent focal length in mm, None when unknown."""
+    """`orientation` 1..8 as EXIF numbers it; `focal_35mm` the 35 mm equivalent focal length in mm, None when unknown;
+    `focal_mm` the real one, None when unknown; `model` the camera's name as it writes it, empty when unknown.
+    """
 
     orientation: int = 1
     focal_35mm: float | None = None
+    focal_mm: float | None = None
+    model: str = ""
 
 
 def read_exif(data: bytes) -> Exif:
     """What the file's bytes say; the defaults where it has no EXIF or a damaged one, which no photo should fail for."""
     block = find_exif(data)
     tags: dict[int, float] = {}
+    model = ""
     try:
         order = {b"II*\0": "<", b"MM\0*": ">"}[block[:4]]
-        tags.update(_read_directory(block, order, struct.unpack(order + "I", block[4:8])[0]))
+        first = struct.unpack(order + "I", block[4:8])[0]
+        tags.update(_read_directory(block, order, first))
+        model = _read_text(block, order, first, MODEL)
         if EXIF_IFD in tags:
             tags.update(_read_directory(block, order, int(tags[EXIF_IFD])))
     except (KeyError, struct.error):
         pass
     orientation = int(tags.get(ORIENTATION, 1))
-    return Exif(orientation if 1 <= orientation <= 8 else 1, _focal_35mm(tags))
+    focal = tags.get(FOCAL_LENGTH, 0.0)
+    return Exif(orientation if 1 <= orientation <= 8 else 1, _focal_35mm(tags), focal if focal > 0 else None, model)
+
+
+def tiff_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) of a TIFF file's first picture, as stored; None when its first directory does not say."""
+    try:
+        order = {b"II*\0": "<", b"MM\0*": ">"}[data[:4]]
+        tags = _read_directory(data, order, struct.unpack(order + "I", data[4:8])[0])
+        return int(tags[TIFF_WIDTH]), int(tags[TIFF_HEIGHT])
+    except (KeyError, struct.error):
+        return None
 
 
 def find_exif(data: bytes) -> bytes:
@@ -98,6 +118,19 @@ def _read_directory(block: bytes, order: str, offset: int) -> dict[int, float]:
             values = struct.unpack(order + code, raw)
             tags[tag] = values[0] if len(values) == 1 else values[0] / values[1] if values[1] else 0.0
     return tags
+
+
+def _read_text(block: bytes, order: str, offset: int, wanted: int) -> str:
+    """The text of one tag in the directory at `offset`; empty where there is none."""
+    (count,) = struct.unpack(order + "H", block[offset : offset + 2])
+    for i in range(min(count, MAX_ENTRIES)):
+        entry = block[offset + 2 + 12 * i : offset + 14 + 12 * i]
+        tag, kind, length = struct.unpack(order + "HHI", entry[:8])
+        if (tag, kind) == (wanted, ASCII):
+            at = struct.unpack(order + "I", entry[8:])[0] if length > 4 else None
+            raw = entry[8 : 8 + length] if at is None else block[at : at + min(length, MODEL_CHARACTERS)]
+            return raw.split(b"\0")[0].decode("latin-1").strip()
+    return ""
 
 
 def _focal_35mm(tags: dict[int, float]) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 from .camera import Intrinsics
 from .errors import PhotoError
-from .exif import read_exif
+from .exif import Exif, read_exif
+from .photo_size import EXR_SIGNATURE, check_pixels, picture_size, reduction
+from .sensors import focal_35mm_of
 
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+JPEG_SIGNATURE = b"\xff\xd8"
+REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
 ROTATION_WORDS = {
     2: "mirrored left to right",
     3: "rotated by 180 degrees",
@@ -30,9 +34,11 @@ ROTATION_WORDS = {
 class Photo:
     """`pixels` (H, W, 3) uint8 RGB, upright (EXIF rotation applied), still lens-distorted.
 
-    `focal_35mm`: 35 mm equivalent focal length from EXIF in mm, None when absent.
+    `focal_35mm`: 35 mm equivalent focal length in mm from EXIF, or from its real one and the sensor's size; None when unknown.
     `mask`: (H, W) bool, True where the photo has content (alpha > 0); None when every pixel has.
     `notes`: sentences about what was done to the pixels on reading (16-bit scaled, alpha dropped, rotated).
+    `full_size`: (width, height) of a very large photo whose `pixels` were reduced on reading; None when they are all there.
+    `width` and `height` are the photo's own, which its camera belongs to; `pixels` may be fewer.
     """
 
     pixels: NDArray[np.uint8]
@@ -40,24 +46,26 @@ class Photo:
     focal_35mm: float | None = None
     mask: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
+    full_size: tuple[int, int] | None = None
 
     @property
     def width(self) -> int:
-        return int(self.pixels.shape[1])
+        return self.full_size[0] if self.full_size else int(self.pixels.shape[1])
 
     @property
     def height(self) -> int:
-        return int(self.pixels.shape[0])
+        return self.full_size[1] if self.full_size else int(self.pixels.shape[0])
 
 
 def read_photo(path: str | Path) -> Photo:
     """The photo in a JPEG, PNG, TIFF or WebP file: 8 or 16 bit, grey or colour, with or without alpha.
 
-    Raises PhotoError when the file is missing, cut off, or no picture that can be decoded.
+    More than MAX_PIXELS are reduced by 2, 4 or 8 while they are read. Raises PhotoError when the file is missing, cut off, no
+    picture that can be decoded, or too large to be one.
     """
     path = Path(path)
     data = _read_bytes(path)
-    raw = _decode(data, path)
+    raw, factor, full = _decode(data, path)
     exif = read_exif(data)
     notes: list[str] = []
     if raw.dtype == np.uint16:
@@ -65,12 +73,44 @@ def read_photo(path: str | Path) -> Photo:
         notes.append("The photo has 16 bits per channel; it is used with 8.")
     if raw.dtype != np.uint8:
         raise PhotoError(f"The photo '{path.name}' holds {raw.dtype} values; save it with 8 or 16 bits per channel.")
+    turned = exif.orientation != 1 and not data.startswith(TIFF_SIGNATURES)
     if exif.orientation != 1:
         notes.append(f"The photo is {ROTATION_WORDS[exif.orientation]}, as its EXIF data say.")
-        if not data.startswith(TIFF_SIGNATURES):  # OpenCV 5 turns a TIFF even when told to leave the pixels alone
-            raw = _turn(raw, exif.orientation)
+    if turned:  # OpenCV 5 turns a TIFF even when told to leave the pixels alone
+        raw = _turn(raw, exif.orientation)
+    if factor > 1:
+        full = full[::-1] if turned and exif.orientation >= 5 else full
+        notes.append(f"The photo has {full[0]} x {full[1]} pixels; every {factor} x {factor} of them are used as one.")
     pixels, mask = _split_alpha(raw, notes)
-    return Photo(np.ascontiguousarray(pixels), str(path), exif.focal_35mm, mask, tuple(notes))
+    photo = Photo(np.ascontiguousarray(pixels), str(path), None, mask, tuple(notes), full if factor > 1 else None)
+    return _with_focal(photo, exif)
+
+
+def photo_facts(path: str | Path) -> tuple[int, int, float | None]:
+    """Width, height and `focal_35mm` as `read_photo` gives them, from the file's header alone where that tells its size."""
+    path = Path(path)
+    data = _read_bytes(path)
+    size = picture_size(data)
+    if size is None:
+        photo = read_photo(path)
+        return photo.width, photo.height, photo.focal_35mm
+    exif = read_exif(data)
+    width, height = size[::-1] if exif.orientation >= 5 else size
+    focal = exif.focal_35mm
+    if focal is None and exif.focal_mm is not None:
+        focal = focal_35mm_of(exif.model, exif.focal_mm, width, height)
+    return width, height, focal
+
+
+def _with_focal(photo: Photo, exif: Exif) -> Photo:
+    """`photo` with the focal length that EXIF states, or that follows from the camera's sensor, and a note on the latter."""
+    if exif.focal_35mm is not None or exif.focal_mm is None:
+        return replace(photo, focal_35mm=exif.focal_35mm)
+    focal = focal_35mm_of(exif.model, exif.focal_mm, photo.width, photo.height)
+    if focal is None:
+        return photo
+    note = f"Its focal length of {exif.focal_mm:.4g} mm is read with the sensor of the camera '{exif.model}'."
+    return replace(photo, focal_35mm=focal, notes=(*photo.notes, note))
 
 
 def check_size(photo: Photo, intrinsics: Intrinsics) -> Intrinsics:
@@ -108,15 +148,30 @@ def _read_bytes(path: Path) -> bytes:
     return data
 
 
-def _decode(data: bytes, path: Path) -> NDArray[Any]:
-    """(H, W) or (H, W, C), channels in OpenCV's order, bits as in the file. Never hands out None (it would crash OpenCV)."""
+def _decode(data: bytes, path: Path) -> tuple[NDArray[Any], int, tuple[int, int]]:
+    """(H, W) or (H, W, C), channels in OpenCV's order, bits as in the file; the factor it was reduced by; its full size.
+
+    Never hands out None (it would crash OpenCV).
+    """
+    if data.startswith(EXR_SIGNATURE):
+        raise PhotoError(
+            f"'{path.name}' is an OpenEXR picture, which only Add Photo in Blender reads; save it as PNG, TIFF or JPEG."
+        )
+    size = check_pixels(data, path.name)
+    factor = reduction(size) if size else 1
+    flags = cv2.IMREAD_UNCHANGED
+    if factor > 1 and data.startswith(JPEG_SIGNATURE):  # the decoder leaves pixels out, which saves their memory
+        flags = REDUCED_JPEG[factor] | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        raw = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        raw = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+        if raw is not None and raw.size and factor > 1 and flags == cv2.IMREAD_UNCHANGED:
+            size = raw.shape[1], raw.shape[0]  # OpenCV turns TIFFs
+            raw = cv2.resize(raw, (raw.shape[1] // factor, raw.shape[0] // factor), interpolation=cv2.INTER_AREA)
     except (cv2.error, MemoryError):  # too many pixels, or a header that asserts
         raw = None
     if raw is None or raw.size == 0:
         raise PhotoError(f"The photo '{path.name}' cannot be decoded; save it as JPEG, PNG, TIFF or WebP.")
-    return np.asarray(raw)
+    return np.asarray(raw), factor, size or (raw.shape[1], raw.shape[0])
 
 
 def _turn(raw: NDArray[Any], orientation: int) -> NDArray[Any]:

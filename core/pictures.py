@@ -7,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import Camera
-from .lens import render_through_lens
+from .compare_pictures import Comparison, render_photo_like, squares
 from .photo import Photo
 from .render.view import ViewRenderer
 
 Image = NDArray[np.uint8]
 
-SQUARES = 6  # along the longer side of the chessboard
 BANNER_PX = 28
 
 
@@ -22,10 +21,8 @@ def chessboard(renderer: ViewRenderer, photo: Photo, camera: Camera) -> Image:
 
     The render is bent by the camera's lens like the photo; `camera.intrinsics` must have the photo's size.
     """
-    render = np.clip(render_through_lens(renderer, camera) * 255 + 0.5, 0, 255).astype(np.uint8)
-    side = max(1, max(photo.width, photo.height) // SQUARES)
-    rows, columns = np.arange(photo.height)[:, None] // side, np.arange(photo.width)[None, :] // side
-    return np.where(((rows + columns) % 2 == 0)[:, :, None], photo.pixels, render)
+    render, solid = render_photo_like(renderer, camera)
+    return squares(Comparison(photo.pixels, render, solid))
 
 
 def before_after(renderer: ViewRenderer, photo: Photo, start: Camera, refined: Camera) -> Image:

@@ -4,10 +4,54 @@ from __future__ import annotations
 
 import bpy
 
-from ..operators import add_photo, cancel, import_splats, refine
-from . import cli, jobs, menus, panels, properties
+from ..operators import (
+    add_photo,
+    add_photos,
+    add_plate,
+    camera_from_view,
+    cancel,
+    export_cameras,
+    import_cameras,
+    import_splats,
+    match_resolution,
+    models,
+    preview,
+    refine,
+    refine_all,
+    refine_sequence,
+    remove_photo,
+    report_problem,
+    review,
+    undistort_photo,
+)
+from . import cli, flicker, jobs, menus, panels, photo_panel, plate_panel, preferences, preview_panel, properties, viewport
 
-_class_modules = (import_splats, add_photo, refine, cancel, panels, menus)
+_class_modules = (
+    models,
+    preferences,
+    import_splats,
+    add_photo,
+    refine,
+    cancel,
+    add_photos,
+    remove_photo,
+    refine_all,
+    review,
+    preview,
+    import_cameras,
+    export_cameras,
+    camera_from_view,
+    match_resolution,
+    undistort_photo,
+    report_problem,
+    add_plate,
+    refine_sequence,
+    panels,
+    photo_panel,
+    preview_panel,
+    plate_panel,
+    menus,
+)
 _cli_commands: list[object] = []
 
 
@@ -17,14 +61,19 @@ def register() -> None:
         for cls in module.classes:
             bpy.utils.register_class(cls)
     menus.register()
+    preferences.register()
     jobs.register()
+    viewport.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
 
 def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
+    viewport.unregister()
+    flicker.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
+    preferences.unregister()
     menus.unregister()
     for module in reversed(_class_modules):
         for cls in reversed(module.classes):

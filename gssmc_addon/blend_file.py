@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import bpy
 
@@ -19,7 +19,7 @@ from ..core.splats import read_splats
 from . import camera_bridge, photo_camera, photo_image, properties, splat_import
 
 
-def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation) -> None:
+def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation | Literal["AUTO"]) -> None:
     """Saves a scene with the outcome at `path`; whatever is open in this Blender is dropped for it.
 
     `results`: the file of a batch, which holds the verdicts. Raises GssmcError when the scene cannot be saved.
@@ -61,17 +61,18 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
     name = Path(camera.file).stem or "Camera"
     obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     scene.collection.objects.link(obj)
+    first = scene.camera is None  # its photo's shape is the render's; the others are fitted into it
     try:
         photo = read_photo(photo_file) if photo_file else None
     except GssmcError:  # it failed alone in the batch, and its verdict says so
         photo = None
     if photo and photo_file:
         image = photo_image.load_image(str(photo_file.resolve()), photo)
-        photo_camera.fit_camera(bpy.context, obj, photo, image, camera, set_resolution=True)
+        photo_camera.fit_camera(bpy.context, obj, photo, image, camera, set_resolution=first)
     else:
         scene.camera = obj
+        photo_camera.frame(scene, camera.intrinsics.width, camera.intrinsics.height, allowed=first)
         camera_bridge.write_camera(scene, obj, scene.gssmc.splat, camera)
-        photo_camera.frame(scene, camera.intrinsics.width, camera.intrinsics.height)
     if verdict:
         rounds = len(verdict["iterations"])
         properties.note_verdict(obj.data, verdict["verdict"], verdict["reasons"], rounds, verdict["seconds"])

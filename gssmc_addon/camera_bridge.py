@@ -9,25 +9,31 @@ import numpy as np
 from mathutils import Matrix
 
 from ..core import conventions
-from ..core.camera import Camera, Pose
+from ..core.camera import Camera, Intrinsics, Pose
 from ..core.conventions import BlenderLens, Similarity
 from ..core.errors import CameraError
 
 DIST_NAMES = ("k1", "k2", "p1", "p2", "k3")
-WRITTEN_CHANNELS = ("location", "rotation", "lens", "shift")
+MATRIX_TOLERANCE = 1e-4  # float32 through a parent's inverse
 
 
 @dataclass(frozen=True)
 class CameraCopy:
-    """A Blender camera copied out of Blender: `lens`, distortion (k1 k2 p1 p2 k3), pose in the splat file's coordinates."""
+    """A Blender camera copied out of Blender: `lens`, distortion (k1 k2 p1 p2 k3), pose in the splat file's coordinates.
+
+    `frame`: render resolution (x, y) that the lens belongs to; the photo lies in its middle, as large as fits whole.
+    """
 
     lens: BlenderLens
     dist: tuple[float, ...]
     pose: Pose
+    frame: tuple[int, int]
+    focal_guessed: bool = False
 
     def at_size(self, width: int, height: int) -> Camera:
         """The engine's camera for a photo of `width` x `height` pixels."""
-        return Camera(conventions.intrinsics_from_blender(self.lens, width, height, self.dist), self.pose)
+        frame = conventions.intrinsics_from_blender(self.lens, *self.frame, self.dist)
+        return Camera(conventions.photo_in_frame(frame, width, height), self.pose, focal_guessed=self.focal_guessed)
 
 
 def splat_similarity(splat: bpy.types.Object) -> Similarity:
@@ -40,7 +46,19 @@ def read_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.typ
     if camera.data.type != "PERSP":
         raise CameraError(f'The camera "{camera.name}" is {camera.data.type.lower()}; set its type to Perspective.')
     pose = conventions.pose_from_blender(np.array(camera.matrix_world), splat_similarity(splat))
-    return CameraCopy(read_lens(scene, camera.data), read_distortion(camera.data), pose)
+    data = camera.data
+    guessed = not data.gssmc.lens_calibrated
+    return CameraCopy(read_lens(scene, data), read_distortion(data), pose, lens_frame(scene, data), guessed)
+
+
+def lens_frame(scene: bpy.types.Scene, data: bpy.types.Camera) -> tuple[int, int]:
+    """The render resolution for which the lens was set; the scene's own for a camera that was set by hand.
+
+    Kept on the camera, because photos of another shape may have changed the resolution since. The percentage does not
+    matter: it changes the size of a frame and not, up to a rounded pixel, its shape.
+    """
+    kept = data.gssmc.frame_x, data.gssmc.frame_y
+    return kept if all(kept) else (scene.render.resolution_x, scene.render.resolution_y)
 
 
 def read_lens(scene: bpy.types.Scene, data: bpy.types.Camera) -> BlenderLens:
@@ -61,47 +79,57 @@ def read_distortion(data: bpy.types.Camera) -> tuple[float, ...]:
     return tuple(getattr(data.gssmc, name) for name in DIST_NAMES)
 
 
-def check_writable(camera: bpy.types.Object) -> None:
-    """Raises CameraError when something would undo, or forbid, a new pose: a constraint, a driver, animation, a library."""
-    if not (camera.is_editable and camera.data.is_editable):
-        raise CameraError(f'The camera "{camera.name}" comes from a linked library; make it local first.')
-    active = [c.name for c in camera.constraints if c.enabled and c.influence > 0]
-    if active:
-        raise CameraError(f'The constraint "{active[0]}" holds the camera "{camera.name}"; disable or apply it first.')
-    for block in (camera, camera.data):
-        channel = _driven_channel(block)
-        if channel:
-            raise CameraError(f'The camera "{camera.name}" is animated or driven ({channel}); remove that animation first.')
-
-
-def _driven_channel(block: bpy.types.ID) -> str | None:
-    animation = block.animation_data
-    if animation is None:
-        return None
-    paths = [d.data_path for d in animation.drivers]
-    if animation.action and animation.action_slot:
-        paths += [c.data_path for c in _slot_curves(animation)]
-    return next((p for p in paths if p.startswith(WRITTEN_CHANNELS)), None)
-
-
-def _slot_curves(animation: bpy.types.AnimData) -> list[bpy.types.FCurve]:
-    strips = [strip for layer in animation.action.layers for strip in layer.strips]
-    bags = [strip.channelbag(animation.action_slot) for strip in strips]
-    return [curve for bag in bags if bag for curve in bag.fcurves]
-
-
 def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, result: Camera) -> bool:
     """Writes pose, lens, shift and distortion; world scale becomes 1. True when the scene's pixel aspect had to change too.
 
-    Raises CameraError, before anything is written, when the splat object can no longer carry the camera.
+    Raises CameraError, with the camera as it was, when splat or parent can no longer carry it.
     """
-    matrix = conventions.pose_to_blender(result.pose, splat_similarity(splat))
-    lens = conventions.blender_from_intrinsics(result.intrinsics, read_lens(scene, camera.data))
-    camera.matrix_world = Matrix(matrix.tolist())
-    return write_lens(scene, camera.data, lens, result.intrinsics.dist)
+    matrix = Matrix(conventions.pose_to_blender(result.pose, splat_similarity(splat)).tolist())
+    before = camera.matrix_basis.copy()
+    camera.matrix_world = matrix
+    for layer in scene.view_layers:
+        layer.update()
+    got = camera.matrix_world
+    far = max(1.0, matrix.translation.length)
+    turned = max(abs(got[i][j] - matrix[i][j]) for i in range(3) for j in range(3))
+    if max(turned, (got.translation - matrix.translation).length / far) > MATRIX_TOLERANCE:
+        camera.matrix_basis = before
+        raise CameraError(
+            f'The camera "{camera.name}" cannot take its pose below its parent, which is scaled unevenly; '
+            "clear the parent's scale or the parenting."
+        )
+    camera.data.gssmc.lens_calibrated = not result.focal_guessed
+    return write_intrinsics(scene, camera.data, result.intrinsics)
 
 
-def write_lens(scene: bpy.types.Scene, data: bpy.types.Camera, lens: BlenderLens, dist: tuple[float, ...]) -> bool:
+def write_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intrinsics) -> bool:
+    """Writes the lens so that a photo with these intrinsics, fitted into the render's frame, lies where it should.
+
+    True when the scene's pixel aspect had to change.
+    """
+    render = scene.render
+    frame = conventions.frame_around_photo(photo, render.resolution_x, render.resolution_y)
+    lens = conventions.blender_from_intrinsics(frame, read_lens(scene, data))
+    data.gssmc.frame_x, data.gssmc.frame_y = render.resolution_x, render.resolution_y
+    changed = _write_lens(scene, data, lens, photo.dist)
+    for background in data.background_images:
+        if background.image:  # else a photo in a frame of oblong pixels would be drawn with square ones
+            background.image.display_aspect = lens.pixel_aspect_x, lens.pixel_aspect_y
+    return changed
+
+
+def move_to_render(scene: bpy.types.Scene, data: bpy.types.Camera, width: int, height: int) -> None:
+    """Fits the lens to the render's present resolution; the camera of its `width` x `height` photo stays the same."""
+    write_intrinsics(scene, data, photo_intrinsics(scene, data, width, height))
+
+
+def photo_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, width: int, height: int) -> Intrinsics:
+    """The lens of the camera's `width` x `height` photo."""
+    frame = conventions.intrinsics_from_blender(read_lens(scene, data), *lens_frame(scene, data), read_distortion(data))
+    return conventions.photo_in_frame(frame, width, height)
+
+
+def _write_lens(scene: bpy.types.Scene, data: bpy.types.Camera, lens: BlenderLens, dist: tuple[float, ...]) -> bool:
     """Writes lens (mm), shift and distortion; True when the scene's pixel aspect had to change."""
     data.lens, data.shift_x, data.shift_y = lens.lens_mm, lens.shift_x, lens.shift_y
     for name, value in zip(DIST_NAMES, dist, strict=True):

@@ -21,7 +21,12 @@ def _add_blend(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--blend", type=_blend_path, metavar="OUT.blend", help="also save a scene with splat, cameras and photos"
     )
-    parser.add_argument("--up", choices=("y-down", "y-up", "z-up", "z-down"), default="y-down", help="the splat's up axis")
+    parser.add_argument(
+        "--up",
+        choices=("auto", "y-down", "y-up", "z-up", "z-down"),
+        default="auto",
+        help="the splat's up axis (auto: by its format)",
+    )
 
 
 def _save_blend(args: argparse.Namespace, outcome: Outcome) -> None:

@@ -6,7 +6,8 @@ import textwrap
 
 import bpy
 
-from . import jobs, photo_image, properties, splat_object
+from . import jobs, photo_image, preferences, properties, splat_object, viewport_props
+from .job import Job
 
 CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4
@@ -39,8 +40,9 @@ def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.label(text="Splat")
     if any(splat_object.is_splat(o) for o in context.scene.objects):
         column.prop(context.scene.gssmc, "splat", text="")
+        viewport_props.draw_settings(column, context.scene.gssmc.splat)
     else:
-        column.operator("gssmc.import_splats", text="Import Splat (.ply)", icon="IMPORT")
+        column.operator("gssmc.import_splats", text="Import Splat", icon="IMPORT")
 
 
 def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
@@ -56,15 +58,16 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
         column.prop(camera.data, "lens")
         view = context.space_data
         column.prop(view, "lock_camera", text="Move Camera With View", toggle=True)
+        column.operator("gssmc.camera_from_view")
         if camera.data.gssmc.verdict == "NONE" and not jobs.active():
             draw_text(layout, context, "Bring the camera to about where the photo was taken, then refine.")
 
 
-def _draw_progress(layout: bpy.types.UILayout, job: jobs.RefineJob) -> None:
-    now = job.progress
+def _draw_progress(layout: bpy.types.UILayout, job: Job) -> None:
     column = layout.column(align=True)
-    column.progress(factor=now.fraction, text=now.step[:1].upper() + now.step[1:])
-    column.label(text=f"Iteration {max(now.iteration, 1)} of {now.iterations}")
+    column.progress(factor=job.fraction, text=job.step[:1].upper() + job.step[1:])
+    if job.detail:
+        column.label(text=job.detail)
     column.operator("gssmc.cancel", icon="X")
 
 
@@ -108,11 +111,17 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         self.layout.use_property_split = True
         data = context.scene.camera.data
         column = self.layout.column(align=True)
+        column.prop(data.gssmc, "lens_calibrated")
+        column.prop(context.scene.gssmc, "lens", text="Solve For")
+        column = self.layout.column(align=True)
         column.prop(data, "shift_x", text="Shift X")
         column.prop(data, "shift_y", text="Y")
         column = self.layout.column(align=True)
         for name in ("k1", "k2", "p1", "p2", "k3"):
             column.prop(data.gssmc, name, text=f"Distortion {name}" if name == "k1" else name)
+        column = self.layout.column(align=True)
+        column.operator("gssmc.undistort_photo")
+        column.operator("gssmc.match_resolution")
 
 
 class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
@@ -124,7 +133,19 @@ class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
         self.layout.use_property_split = True
         column = self.layout.column()
         for name in properties.settings_annotations():
+            if name == "lens":  # stands in the Lens panel
+                continue
             column.prop(context.scene.gssmc, name)
+            if name in properties.CHOICES:
+                _draw_missing_model(column, context, getattr(context.scene.gssmc, name))
+
+
+def _draw_missing_model(layout: bpy.types.UILayout, context: bpy.types.Context, choice: str) -> None:
+    """Says that a choice lacks its model file, with the way to the preferences."""
+    kind = preferences.LEARNED.get(choice)
+    if kind and not preferences.model_for(context, choice):
+        layout.label(text=f"{kind.title} needs a model file", icon="ERROR")
+        layout.operator("preferences.addon_show", text="Open Preferences").module = preferences.PACKAGE
 
 
 classes = (GSSMC_PT_main, GSSMC_PT_lens, GSSMC_PT_settings)

@@ -7,13 +7,14 @@ from pathlib import Path
 
 import bpy
 
-from ..core import conventions
-from ..core.camera import Camera, Intrinsics
-from ..core.camera_files import read_cameras
+from ..core.camera import Camera
+from ..core.camera_files import read_starts
 from ..core.errors import CameraError
+from ..core.lens_guess import guess_lens
 from ..core.photo import Photo, check_size
-from . import camera_bridge, photo_image, properties
+from . import camera_bridge, camera_channels, photo_image, properties
 
+DEFAULT_LENS_MM = 35.0  # on Blender's sensor of 36 mm, as DEFAULT_FOV_DEG of core.lens_guess
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
 
 
@@ -25,14 +26,15 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
     if not scene.gssmc.splat:
         raise CameraError("The camera file's pose needs a splat to stand in; import the splat first.")
     camera_bridge.splat_similarity(scene.gssmc.splat)
-    cameras = read_cameras(Path(bpy.path.abspath(path)))
+    cameras = read_starts(Path(bpy.path.abspath(path)))
     name = Path(photo.file).name
     named = [c for c in cameras if Path(c.file).name == name]
     if not named and len(cameras) == 1:
         named = cameras
     if not named:
         raise CameraError(f'The camera file "{Path(path).name}" has no camera for "{name}"; add one whose "file" is that name.')
-    return replace(named[0], intrinsics=check_size(photo, named[0].intrinsics))
+    camera = named[0].camera(guess_lens(photo).intrinsics)
+    return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
 
 
 def choose_camera(context: bpy.types.Context, mode: str, photo_name: str) -> bpy.types.Object:
@@ -45,10 +47,10 @@ def choose_camera(context: bpy.types.Context, mode: str, photo_name: str) -> bpy
     free = usable and photo_image.camera_photo(current) is None and (view is None or view.view_perspective == "CAMERA")
     if mode == "SCENE" or (mode == "AUTO" and free):
         return current
-    return _new_camera(context, Path(photo_name).stem, view)
+    return new_camera(context, Path(photo_name).stem, view)
 
 
-def _new_camera(context: bpy.types.Context, name: str, view: bpy.types.RegionView3D | None) -> bpy.types.Object:
+def new_camera(context: bpy.types.Context, name: str, view: bpy.types.RegionView3D | None) -> bpy.types.Object:
     """A new camera at the current view, or where the scene camera stands."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     current = context.scene.camera
@@ -59,6 +61,8 @@ def _new_camera(context: bpy.types.Context, name: str, view: bpy.types.RegionVie
         camera.matrix_world = current.matrix_world.normalized()
         if current.type == "CAMERA":
             camera.data.lens = current.data.lens
+    else:
+        camera.data.lens = DEFAULT_LENS_MM
     context.scene.collection.objects.link(camera)
     return camera
 
@@ -73,38 +77,41 @@ def fit_camera(
 ) -> list[str]:
     """Gives the camera its photo, lens and, from a camera file, its pose. Sentences on what was found and set."""
     scene, data = context.scene, camera.data
+    if given:
+        camera_channels.check_writable(camera)
     scene.camera = camera
     notes = list(photo.notes)
+    data.gssmc.photo = image  # its update shows it behind the camera
+    notes += frame(scene, photo.width, photo.height, set_resolution)
     if given:
         camera_bridge.write_camera(scene, camera, scene.gssmc.splat, given)
-        notes.append("Pose and lens are those of the camera file.")
+        camera_channels.write_keyframes(scene, camera)
+        guess = " (the lens is a guess)" if given.focal_guessed else ""
+        notes.append(f"Pose and lens are those of the camera file{guess}.")
     else:
+        data.gssmc.lens_calibrated = False
         notes.append(_lens_from_exif(scene, data, photo))
-    data.gssmc.photo = image  # its update shows it behind the camera
     properties.note_verdict(data, "none", (), 0, 0.0)
-    notes += frame(scene, photo.width, photo.height, set_resolution)
     return notes
 
 
 def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo) -> str:
     if not photo.focal_35mm:
-        return f"The photo tells no focal length; set the lens of the camera (now {data.lens:.3g} mm) as close as you can."
-    focal = conventions.focal_px_from_35mm(photo.focal_35mm, photo.width, photo.height)
+        render = scene.render
+        data.gssmc.frame_x, data.gssmc.frame_y = render.resolution_x, render.resolution_y
+        return f"The photo tells no focal length: Refine starts from the camera's ({data.lens:.3g} mm) and solves for it."
     data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", PHOTO_SENSOR_MM
-    wanted = Intrinsics(photo.width, photo.height, focal, focal, photo.width / 2, photo.height / 2)
-    lens = conventions.blender_from_intrinsics(wanted, camera_bridge.read_lens(scene, data))
-    camera_bridge.write_lens(scene, data, lens, camera_bridge.read_distortion(data))
-    return f"Lens {data.lens:.3g} mm from the photo's EXIF."
+    wanted = replace(guess_lens(photo).intrinsics, dist=camera_bridge.read_distortion(data))
+    camera_bridge.write_intrinsics(scene, data, wanted)
+    return f"Lens {data.lens:.3g} mm from the photo's EXIF, a start that Refine improves."
 
 
-def frame(scene: bpy.types.Scene, width: int, height: int, allowed: bool = True) -> list[str]:
-    """Gives the render the photo's resolution where its shape differs, if `allowed`. Sentences on what was done or not."""
+def frame(scene: bpy.types.Scene, width: int, height: int, allowed: bool) -> list[str]:
+    """Gives the render the photo's resolution where its shape differs, if `allowed`. Sentences on what was done."""
     render = scene.render
     before = render.resolution_x, render.resolution_y
-    if before[0] * height == before[1] * width:
+    if before[0] * height == before[1] * width or not allowed:
         return []
-    if not allowed:
-        return [f"The photo does not fill the frame, for the render resolution {before[0]} x {before[1]} has another shape."]
     render.resolution_x, render.resolution_y = width, height
     return [f"The render resolution was {before[0]} x {before[1]} and is now the photo's."]
 
@@ -123,3 +130,10 @@ def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
 def _region_3d(context: bpy.types.Context) -> bpy.types.RegionView3D | None:
     area = context.area
     return area.spaces.active.region_3d if area and area.type == "VIEW_3D" else None
+
+
+def find_view(context: bpy.types.Context) -> bpy.types.RegionView3D | None:
+    """The view of the viewport that the mouse is in, else of the first one of any window."""
+    areas = (area for window in context.window_manager.windows for area in window.screen.areas)
+    first = next((area for area in areas if area.type == "VIEW_3D"), None)
+    return _region_3d(context) or (first.spaces.active.region_3d if first else None)

@@ -12,20 +12,27 @@ import numpy as np
 from ..core.errors import PhotoError
 from ..core.exif import read_exif
 from ..core.photo import Photo, read_photo
+from ..core.photo_linear import photo_from_linear
+from ..core.photo_size import EXR_SIGNATURE
 
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
 
 
 @dataclass(frozen=True)
 class PhotoSource:
-    """Where the engine finds a Blender image's pixels: a file, or the bytes packed into the .blend."""
+    """Where the engine finds a Blender image's pixels: a file, the bytes packed into the .blend, or for OpenEXR, which only
+    Blender decodes, its `light` (H, W, 4) float32.
+    """
 
     name: str
     path: str
     packed: bytes | None = None
+    light: np.ndarray | None = None
 
     def read(self) -> Photo:
         """Decodes the photo; needs no Blender, hence fit for a worker thread. Raises PhotoError."""
+        if self.light is not None:
+            return photo_from_linear(self.light, self.path)
         if self.packed is None:
             return read_photo(self.path)
         with tempfile.TemporaryDirectory() as folder:
@@ -37,11 +44,51 @@ class PhotoSource:
 def photo_source(image: bpy.types.Image) -> PhotoSource:
     """Copies what is needed to read the image later. Raises PhotoError when it has no pixels of its own."""
     path = bpy.path.abspath(image.filepath, library=image.library)
+    if image.source == "FILE" and _is_exr(image, path):
+        return PhotoSource(image.name, path, light=_light(image))
     if image.packed_file:
         return PhotoSource(image.name, path, bytes(image.packed_file.data))
     if image.source != "FILE" or not path:
         raise PhotoError(f'The image "{image.name}" is not a photo file; add the photo with Add Photo.')
     return PhotoSource(image.name, path)
+
+
+def read_any_photo(path: str) -> Photo:
+    """The photo in a file of any format that the engine or Blender decodes. Main thread only. Raises PhotoError."""
+    if not is_linear(path):
+        return read_photo(path)
+    before = set(bpy.data.images)
+    image = bpy.data.images.load(path, check_existing=True)
+    try:
+        return photo_from_linear(_light(image), path)
+    except PhotoError:
+        if image not in before:
+            bpy.data.images.remove(image)
+        raise
+
+
+def is_linear(path: str) -> bool:
+    """Whether the file is an OpenEXR picture, which only Blender decodes; False where it cannot be read at all."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(EXR_SIGNATURE)) == EXR_SIGNATURE
+    except OSError:
+        return False  # the engine says what is wrong
+
+
+def _is_exr(image: bpy.types.Image, path: str) -> bool:
+    """By its first bytes: asking Blender for the format makes it decode the whole photo, and keep it."""
+    return bytes(image.packed_file.data).startswith(EXR_SIGNATURE) if image.packed_file else is_linear(path)
+
+
+def _light(image: bpy.types.Image) -> np.ndarray:
+    """Linear pixels (H, W, 4), the top row first. Raises PhotoError when Blender can't decode the image."""
+    width, height = image.size
+    if not width or not height or len(image.pixels) != 4 * width * height:
+        raise PhotoError(f'The OpenEXR image "{image.name}" has no plain picture that Blender can read; save it as one layer.')
+    values = np.empty(4 * width * height, np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(height, width, 4)[::-1]
 
 
 def load_image(path: str, photo: Photo) -> bpy.types.Image:
@@ -51,13 +98,15 @@ def load_image(path: str, photo: Photo) -> bpy.types.Image:
     if turned or tuple(image.size) != (photo.width, photo.height):  # Blender ignores EXIF rotation; the engine does not
         if image.users == 0:
             bpy.data.images.remove(image)
-        image = _packed_copy(Path(path).name, photo)
+        image = packed_copy(Path(path).name, photo)
     return image
 
 
-def _packed_copy(name: str, photo: Photo) -> bpy.types.Image:
-    image = bpy.data.images.new(Path(name).stem + ".png", photo.width, photo.height)
-    pixels = np.ones((photo.height, photo.width, 4), np.float32)
+def packed_copy(name: str, photo: Photo) -> bpy.types.Image:
+    """A new image inside the .blend with the photo's pixels."""
+    height, width = photo.pixels.shape[:2]  # of a very large photo fewer than its own
+    image = bpy.data.images.new(Path(name).stem + ".png", width, height)
+    pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = photo.pixels[::-1].astype(np.float32) / 255  # Blender's first row is the bottom one
     image.pixels.foreach_set(pixels.ravel())
     image.file_format = "PNG"
@@ -85,3 +134,19 @@ def show_behind(data: bpy.types.Camera, image: bpy.types.Image) -> None:
     slot.display_depth = "FRONT"
     slot.show_background_image = True
     data.show_background_images = True
+
+
+def show_instead(data: bpy.types.Camera, image: bpy.types.Image, photo: Photo) -> bpy.types.Image:
+    """Shows `photo`'s pixels where `image` is the camera's background; a copy made before takes the new pixels' place."""
+    name = f"{Path(image.name).stem} undistorted.png"
+    slot = next((b for b in data.background_images if b.image and b.image in (image, data.gssmc.undistorted)), None)
+    old, copy = data.gssmc.undistorted, packed_copy(name, photo)
+    copy.display_aspect = image.display_aspect
+    if slot is None:
+        show_behind(data, copy)
+    else:
+        slot.image = copy
+    data.gssmc.undistorted = copy
+    if old is not None and old.users == 0:
+        bpy.data.images.remove(old)
+    return copy

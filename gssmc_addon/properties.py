@@ -12,6 +12,7 @@ from dataclasses import fields
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     IntProperty,
@@ -19,10 +20,25 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.pose.settings import RefineSettings
-from . import photo_image, splat_object
+from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ..core.pose.settings import RefineSettings, choices
+from ..core.presets import PRESETS
+from . import photo_entry, photo_image, preferences, preview_state, splat_object
 
-LIMITS = {"iterations": (1, 100), "candidates": (1, 64), "long_side_px": (64, 8192), "threads": (0, 256)}
+LIMITS = {
+    "iterations": (1, 100),
+    "candidates": (1, 64),
+    "long_side_px": (64, 8192),
+    "final_long_side_px": (64, 8192),
+    "threads": (0, 256),
+}
+MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
+AUTO_ITEM = (AUTO, "Auto", "SIFT; ALIKED takes over where it finds no answer, if there is a model of it")
+CHOICES = {
+    "features": [*((name, kind.title, kind.text[:1].upper() + kind.text[1:]) for name, kind in EXTRACTORS.items()), AUTO_ITEM],
+    "matcher": [(name, kind.title, kind.text[:1].upper() + kind.text[1:]) for name, kind in MATCHERS.items()],
+    **{name: [(word, word.title(), "") for word in words] for name, words in choices().items()},
+}
 VERDICTS = (
     ("NONE", "None", "Not refined yet"),
     ("TRUSTED", "Trusted", "The camera fits the photo"),
@@ -46,11 +62,17 @@ def _title(name: str) -> str:
 
 
 def settings_annotations() -> dict[str, object]:
-    """One Blender property per field of RefineSettings, with its default, limits and documentation."""
+    """One Blender property per field of RefineSettings, with its default, limits and documentation; without the model files,
+    which are the user's and not the scene's.
+    """
     docs, annotations = _field_docs(), {}
     for option in fields(RefineSettings):
+        if option.name in MODEL_OF:
+            continue
         common = {"name": _title(option.name), "description": docs.get(option.name, "")}
-        if isinstance(option.default, bool):
+        if option.name in CHOICES:
+            annotations[option.name] = EnumProperty(items=CHOICES[option.name], default=option.default, **common)
+        elif isinstance(option.default, bool):
             annotations[option.name] = BoolProperty(default=option.default, **common)
         elif isinstance(option.default, int):
             low, high = LIMITS.get(option.name, (0, 2**31 - 1))
@@ -60,14 +82,33 @@ def settings_annotations() -> dict[str, object]:
     return annotations
 
 
-def settings_from(owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None) -> RefineSettings:
-    """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win."""
+def model_annotations() -> dict[str, object]:
+    """The model files as properties, for operators: scripts may name them instead of the preferences."""
+    docs = _field_docs()
+    return {
+        name: StringProperty(name=_title(name), subtype="FILE_PATH", description=f"{docs[name]}; empty: the preferences'")
+        for name in MODEL_OF
+    }
+
+
+def settings_from(
+    owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None, **fixed: object
+) -> RefineSettings:
+    """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win, and `fixed` wins over both.
+
+    Model files are the preferences'.
+    """
     values = {}
     for option in fields(RefineSettings):
+        if option.name in MODEL_OF:
+            given = bpy.path.abspath(getattr(overrides, option.name)) if overrides else ""
+            values[option.name] = given or preferences.model_for(bpy.context, values[MODEL_OF[option.name]])
+            continue
         source = overrides if overrides and overrides.is_property_set(option.name) else owner
         value = getattr(source, option.name)
         values[option.name] = float(f"{value:.6g}") if isinstance(value, float) else value  # Blender keeps float32
-    return RefineSettings(**values)
+    values["threads"] = preferences.threads(bpy.context, values["threads"])
+    return RefineSettings(**{**values, **fixed})
 
 
 def verdict_title(note: GssmcCamera) -> str:
@@ -89,8 +130,18 @@ def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
         photo_image.show_behind(self.id_data, self.photo)
 
 
+def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
+    """A scene's first splat brings the preferences' preset, for settings that nobody has touched."""
+    preset = PRESETS.get(preferences.preset(context))
+    names = [option.name for option in fields(RefineSettings) if option.name not in MODEL_OF]
+    if self.splat and preset and not any(self.is_property_set(name) for name in names):
+        for name in names:
+            if getattr(preset, name) != getattr(RefineSettings, name):
+                setattr(self, name, getattr(preset, name))
+
+
 class GssmcScene(bpy.types.PropertyGroup):
-    """On the scene: the splat to refine against, and the refinement's settings."""
+    """On the scene: the splat to refine against, the list of photos, and the refinement's settings."""
 
     __annotations__ = {
         "splat": PointerProperty(
@@ -98,7 +149,10 @@ class GssmcScene(bpy.types.PropertyGroup):
             description="The splat scan: a point cloud imported with File > Import > Gaussian Splats",
             type=bpy.types.Object,
             poll=lambda self, obj: splat_object.is_splat(obj),
+            update=_splat_picked,
         ),
+        "photos": CollectionProperty(type=photo_entry.GssmcPhoto),
+        "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=photo_entry.picked),
         **settings_annotations(),
     }
 
@@ -114,10 +168,23 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name: FloatProperty(name=name, precision=6, step=0.1, description=f"Lens distortion {name} in OpenCV's model")
             for name in ("k1", "k2", "p1", "p2", "k3")
         },
+        "undistorted": PointerProperty(
+            name="Undistorted", description="The photo's copy without lens distortion, for the background", type=bpy.types.Image
+        ),
+        "lens_calibrated": BoolProperty(
+            name="Calibrated",
+            description="The focal length is known well, from a calibration. Otherwise it is a guess (from EXIF, or by eye), "
+            "for which Refine solves when Lens is Auto",
+        ),
+        "frame_x": IntProperty(name="Frame X", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
+        "frame_y": IntProperty(name="Frame Y", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
         "verdict": EnumProperty(name="Verdict", items=VERDICTS, default="NONE"),
         "reasons": StringProperty(name="Reasons", description="Why, one sentence per line"),
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
         "seconds": FloatProperty(name="Seconds", description="Wall time of the last refinement"),
+        "bad_frames": StringProperty(
+            name="Bad Frames", description="Frames of a plate that could not be refined and have no key"
+        ),
     }
 
 
@@ -127,10 +194,11 @@ class GssmcWindow(bpy.types.PropertyGroup):
     __annotations__ = {
         "message": StringProperty(name="Message", description="What the last operation said"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
+        "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
 
 
-classes = (GssmcScene, GssmcCamera, GssmcWindow)
+classes = (photo_entry.GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
 
 
 def register() -> None:

@@ -1,4 +1,4 @@
-"""How a splat object shows in Blenders that do not draw splats themselves: coloured points, sized like the Gaussians.
+"""How a splat object shows where nobody draws its Gaussians (see viewport): coloured points, sized like the Gaussians.
 
 Only a look: nothing here is read back. A material turns the splats' base colour into light, so that Material Preview and
 Rendered show the scan; `radius` gives the points their size.
@@ -20,14 +20,19 @@ LARGEST_SHOWN = 0.98  # quantile; the few huge Gaussians of a far background wou
 MIN_SHOWN_OPACITY = 0.1  # haze would look like solid balls
 
 
-def dress_splat(obj: bpy.types.Object, scene: GaussianScene) -> None:
-    """Gives the splat object its point sizes and its material."""
+def point_radius(scene: GaussianScene) -> np.ndarray:
+    """Sizes of the points (N,), in the object's units. Needs no Blender, hence fit for a worker thread."""
     radius = np.sqrt(np.sort(scene.scales, axis=1)[:, 1:].prod(axis=1)) * RADIUS_SIGMAS * np.sqrt(scene.opacities)
     np.minimum(radius, np.quantile(radius, LARGEST_SHOWN), out=radius)
     radius[scene.opacities < MIN_SHOWN_OPACITY] = 0.0
-    attribute = obj.data.attributes.get("radius") or obj.data.attributes.new("radius", "FLOAT", "POINT")
-    attribute.data.foreach_set("value", radius.astype(np.float32))
-    obj.data.materials.append(bpy.data.materials.get(MATERIAL) or _new_material())
+    return radius.astype(np.float32)
+
+
+def dress_splat(cloud: bpy.types.PointCloud, radius: np.ndarray) -> None:
+    """Gives the point cloud its point sizes and its material."""
+    attribute = cloud.attributes.get("radius") or cloud.attributes.new("radius", "FLOAT", "POINT")
+    attribute.data.foreach_set("value", radius)
+    cloud.materials.append(bpy.data.materials.get(MATERIAL) or _new_material())
 
 
 def _new_material() -> bpy.types.Material:

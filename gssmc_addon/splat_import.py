@@ -1,22 +1,115 @@
-"""From the engine's scene to a splat object that stands, and shows, in a Blender scene."""
+"""From a splat file to a splat object that stands, and shows, in a Blender scene."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
 import bpy
 from mathutils import Matrix
 
 from ..core import conventions
 from ..core.conventions import Orientation
+from ..core.errors import GssmcError, SplatFormatError
+from ..core.splats import SUFFIXES, inspect_splats
 from ..core.splats.scene import GaussianScene
-from . import splat_display, splat_object
+from . import cloud_size, splat_display, splat_import_job, splat_object, viewport, viewport_props
+
+FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
+AXIS_WORDS = {"Y_DOWN": "Y Down", "Y_UP": "Y Up", "Z_UP": "Z Up", "Z_DOWN": "Z Down"}
 
 
-def add_splat(context: bpy.types.Context, name: str, scene: GaussianScene, orientation: Orientation) -> bpy.types.Object:
+def describe(path: str) -> list[str]:
+    """What the import dialog says of the chosen file: format, count and axes; or why it can't be imported.
+
+    Reads the header only, hence fit for draw().
+    """
+    if not Path(path).is_file():
+        return ["Choose a splat file: " + ", ".join(SUFFIXES)]
+    try:
+        info = inspect_splats(path)
+    except GssmcError as error:
+        return [str(error)]
+    count = f"{info.count:,} Gaussians, SH degree {info.sh_degree}"
+    return [f"Format: {info.format}", count, f"Its axes: {AXIS_WORDS[info.orientation]}"]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """How a splat comes into the scene. `orientation` AUTO takes what its format means, or its file declares."""
+
+    orientation: Orientation | Literal["AUTO"] = "AUTO"
+    scale: float = 1.0
+    max_shown: int = viewport_props.MAX_SHOWN
+
+
+def add_splat(
+    context: bpy.types.Context, name: str, scene: GaussianScene, orientation: Orientation | Literal["AUTO"]
+) -> bpy.types.Object:
     """A new splat object, turned upright, linked, active, and picked as the scene's splat."""
-    obj = splat_object.create_splat(name, scene)
-    if not splat_object.has_native_type(obj.data):
-        splat_display.dress_splat(obj, scene)
-    obj.matrix_world = Matrix(conventions.orientation_matrix(orientation).tolist())
+    building = Building(name, splat_import_job.prepare(scene, viewport_props.is_drawable()), Placement(orientation))
+    while not building.step():
+        pass
+    return building.finish(context)
+
+
+class Building:
+    """A splat object in the making: `step()` until it says True, then `finish()`; or `drop()`.
+
+    Between steps Blender's data may change (undo, another file), so the point cloud is looked up anew for each.
+    """
+
+    def __init__(self, name: str, prepared: splat_import_job.PreparedSplat, placement: Placement) -> None:
+        self._name, self._prepared, self._placement = name, prepared, placement
+        cloud = cloud_size.new_cloud(name, len(prepared.scene))
+        self._uid = cloud.session_uid
+        self._attributes = splat_object.splat_attributes(prepared.scene, prepared.base)
+        self._done = 0  # attributes written
+
+    @property
+    def fraction(self) -> float:
+        return self._done / len(self._attributes)
+
+    def step(self) -> bool:
+        """Writes one attribute, some milliseconds for a million Gaussians. Raises SplatFormatError when the data is gone."""
+        splat_object.write_attribute(self._cloud(), *self._attributes[self._done])
+        self._done += 1
+        return self._done == len(self._attributes)
+
+    def finish(self, context: bpy.types.Context) -> bpy.types.Object:
+        """The object, placed, linked, active and picked."""
+        cloud, place, scene = self._cloud(), self._placement, self._prepared.scene
+        splat_object.set_native_type(cloud)
+        if not splat_object.has_native_type(cloud):
+            splat_display.dress_splat(cloud, self._prepared.radius)
+        if self._prepared.viewport:
+            viewport.prime(cloud, self._prepared.viewport)
+        obj = bpy.data.objects.new(self._name, cloud)
+        axes = scene.orientation if place.orientation == "AUTO" else place.orientation
+        obj.matrix_world = Matrix(conventions.orientation_matrix(axes).tolist()) @ Matrix.Scale(place.scale, 4)
+        obj.gssmc.max_shown = place.max_shown
+        viewport_props.apply(obj)
+        _pick(context, obj)
+        return obj
+
+    def drop(self) -> None:
+        """Removes what was made so far."""
+        cloud = self._find()
+        if cloud is not None:
+            bpy.data.pointclouds.remove(cloud)
+
+    def _find(self) -> bpy.types.PointCloud | None:
+        return next((cloud for cloud in bpy.data.pointclouds if cloud.session_uid == self._uid), None)
+
+    def _cloud(self) -> bpy.types.PointCloud:
+        cloud = self._find()
+        if cloud is None:
+            raise SplatFormatError(f'The splat "{self._name}" was removed while it was imported; import it again.')
+        return cloud
+
+
+def _pick(context: bpy.types.Context, obj: bpy.types.Object) -> None:
     context.collection.objects.link(obj)
     for other in context.selected_objects:
         other.select_set(False)
@@ -24,4 +117,3 @@ def add_splat(context: bpy.types.Context, name: str, scene: GaussianScene, orien
     context.view_layer.objects.active = obj
     context.scene.gssmc.splat = obj
     context.view_layer.update()
-    return obj

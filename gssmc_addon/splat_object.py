@@ -25,19 +25,11 @@ def is_splat(obj: bpy.types.Object | None) -> bool:
     return obj is not None and obj.type == "POINTCLOUD" and all(name in obj.data.attributes for name in REQUIRED)
 
 
-def create_splat(name: str, scene: GaussianScene) -> bpy.types.Object:
-    """A new, unlinked point cloud object that holds `scene` completely."""
-    cloud = bpy.data.pointclouds.new(name)
-    cloud.resize(len(scene))
-    _write(cloud, "position", "FLOAT_VECTOR", scene.means)
-    _write(cloud, "scale", "FLOAT_VECTOR", scene.scales)
-    _write(cloud, "rotation", "QUATERNION", scene.rotations)
-    base = np.concatenate([scene.sh[:, 0], scene.opacities[:, None]], axis=1)
-    _write(cloud, BASE, _base_type(cloud), base)
-    for k in range(1, scene.sh.shape[1]):
-        _write(cloud, f"{SH_PREFIX}{k - 1}", "FLOAT_VECTOR", scene.sh[:, k])
-    _set_native_type(cloud)
-    return bpy.data.objects.new(name, cloud)
+def splat_attributes(scene: GaussianScene, base: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
+    """Name, type and values of each attribute that holds `scene`; `base` (N, 4) is f_dc and opacity."""
+    shape = [("position", "FLOAT_VECTOR", scene.means), ("scale", "FLOAT_VECTOR", scene.scales)]
+    shape += [("rotation", "QUATERNION", scene.rotations), (BASE, _base_type(), base)]
+    return shape + [(f"{SH_PREFIX}{k - 1}", "FLOAT_VECTOR", scene.sh[:, k]) for k in range(1, scene.sh.shape[1])]
 
 
 @dataclass(frozen=True)
@@ -80,9 +72,14 @@ def copy_splat(obj: bpy.types.Object) -> SplatCopy:
     cloud = obj.data
     if len(cloud.points) == 0:
         raise SplatFormatError(f'"{obj.name}" has no points; import the splat file again.')
-    bands = tuple(_read(cloud, f"{SH_PREFIX}{k}", 3) for k in range(_sh_bands(cloud)))
-    shape = _read(cloud, "position", 3), _read(cloud, "scale", 3), _read(cloud, "rotation", 4)
-    return SplatCopy(*shape, _read(cloud, BASE, 4), bands)
+    bands = tuple(read_attribute(cloud, f"{SH_PREFIX}{k}", 3) for k in range(_sh_bands(cloud)))
+    shape = read_attribute(cloud, "position", 3), read_attribute(cloud, "scale", 3), read_attribute(cloud, "rotation", 4)
+    return SplatCopy(*shape, read_attribute(cloud, BASE, 4), bands)
+
+
+def sh_coefficients(obj: bpy.types.Object) -> int:
+    """SH coefficients per channel that `copy_splat` would give: 1, 4, 9 or 16."""
+    return 1 + _sh_bands(obj.data) if is_splat(obj) else 1
 
 
 def read_splat(obj: bpy.types.Object) -> GaussianScene:
@@ -98,12 +95,13 @@ def _sh_bands(cloud: bpy.types.PointCloud) -> int:
     return max(k - 1 for k in SH_COEFFICIENTS if k - 1 <= present)
 
 
-def _write(cloud: bpy.types.PointCloud, name: str, kind: str, values: np.ndarray) -> None:
+def write_attribute(cloud: bpy.types.PointCloud, name: str, kind: str, values: np.ndarray) -> None:
     attribute = cloud.attributes.get(name) or cloud.attributes.new(name, kind, "POINT")
     attribute.data.foreach_set(_value_name(attribute), np.ascontiguousarray(values, np.float32).ravel())
 
 
-def _read(cloud: bpy.types.PointCloud, name: str, components: int) -> np.ndarray:
+def read_attribute(cloud: bpy.types.PointCloud, name: str, components: int) -> np.ndarray:
+    """A copy (N, components). Raises KeyError when there is no such attribute, SplatFormatError when it is of another type."""
     attribute = cloud.attributes[name]
     if attribute.domain != "POINT" or COMPONENTS.get(attribute.data_type) != components:
         raise SplatFormatError(
@@ -124,8 +122,8 @@ def _value_name(attribute: bpy.types.Attribute) -> str:
     return next(name for name in ("vector", "value", "color") if name in names)  # FLOAT4: young, hence looked up
 
 
-def _base_type(cloud: bpy.types.PointCloud) -> str:
-    kinds = cloud.attributes.bl_rna.functions["new"].parameters["type"].enum_items.keys()
+def _base_type() -> str:
+    kinds = bpy.types.AttributeGroupPointCloud.bl_rna.functions["new"].parameters["type"].enum_items.keys()
     return "FLOAT4" if "FLOAT4" in kinds else "FLOAT_COLOR"
 
 
@@ -143,7 +141,7 @@ def _native_type(cloud: bpy.types.PointCloud) -> tuple[str, str] | None:
     return None
 
 
-def _set_native_type(cloud: bpy.types.PointCloud) -> None:
+def set_native_type(cloud: bpy.types.PointCloud) -> None:
     native = _native_type(cloud)
     if native:
         setattr(cloud, *native)

@@ -1,12 +1,13 @@
-"""The refinement in a thread of its own. Nothing here touches Blender: all inputs are copies, all news goes through a queue."""
+"""Work in a thread of its own. Nothing here touches Blender: all inputs are copies, all news goes through a queue."""
 
 from __future__ import annotations
 
 import logging
 import queue
 import threading
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from typing import Any
 
 from ..core.errors import GssmcError
 from ..core.photo import Photo
@@ -14,16 +15,18 @@ from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from .camera_bridge import CameraCopy
 from .photo_image import PhotoSource
-from .splat_object import SplatCopy
+from .splat_renderer import SplatRenderer
 
 log = logging.getLogger(__name__)
+
+Steps = Generator[Any, None, Any]  # yields what is worth showing, returns what came of it
 
 
 @dataclass(frozen=True)
 class RefineInputs:
-    """Everything a refinement needs, copied out of Blender."""
+    """Everything a refinement needs, copied out of Blender; the renderer may be shared with others that run after it."""
 
-    splat: SplatCopy
+    splat: SplatRenderer
     photo: PhotoSource
     camera: CameraCopy
     settings: RefineSettings
@@ -31,35 +34,36 @@ class RefineInputs:
 
 @dataclass(frozen=True)
 class Failure:
-    """The refinement broke off; `message` is one sentence for the user."""
+    """The work broke off; `message` is one sentence for the user."""
 
     message: str
 
 
-News = RefineProgress | RefineReport | Failure
+@dataclass(frozen=True)
+class Finished:
+    """The work came to its end with `result`."""
+
+    result: Any
 
 
 def refinement(inputs: RefineInputs) -> Generator[RefineProgress, None, RefineReport]:
     """The whole work, step by step. Raises GssmcError for input that cannot be refined."""
     from ..core.pose.refine import iterate_refinement
-    from ..core.render import Renderer, RenderSettings
 
     yield RefineProgress(0, inputs.settings.iterations, "Reading the photo", 0.0)
     photo: Photo = inputs.photo.read()
     camera = inputs.camera.at_size(photo.width, photo.height)
     yield RefineProgress(0, inputs.settings.iterations, "Preparing the splat", 0.0)
-    scene = inputs.splat.assemble()
-    renderer = Renderer(scene, RenderSettings.for_scene(scene, threads=1))  # the refinement draws its views side by side
-    return (yield from iterate_refinement(renderer, photo, camera, inputs.settings))
+    return (yield from iterate_refinement(inputs.splat.get(), photo, camera, inputs.settings))
 
 
 class Worker:
-    """Runs a refinement in a daemon thread; `news()` is polled from the main thread."""
+    """Runs the steps that `work` makes in a daemon thread; `news()` is polled from the main thread."""
 
-    def __init__(self, inputs: RefineInputs) -> None:
-        self._queue: queue.SimpleQueue[News] = queue.SimpleQueue()
+    def __init__(self, work: Callable[[], Steps]) -> None:
+        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, args=(inputs,), name="gssmc-refine", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(work,), name="gssmc-work", daemon=True)
 
     def start(self) -> None:
         self._thread.start()
@@ -73,21 +77,21 @@ class Worker:
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
-    def news(self) -> list[News]:
-        """What happened since the last call, oldest first."""
+    def news(self) -> list[Any]:
+        """What happened since the last call, oldest first: what the steps yielded, and Finished or Failure at the end."""
         found = []
         while not self._queue.empty():
             found.append(self._queue.get())
         return found
 
-    def _run(self, inputs: RefineInputs) -> None:
+    def _run(self, work: Callable[[], Steps]) -> None:
         try:
-            steps = refinement(inputs)
+            steps = work()
             while not self._stop.is_set():
                 try:
                     self._queue.put(next(steps))
                 except StopIteration as end:
-                    self._queue.put(end.value)
+                    self._queue.put(Finished(end.value))
                     return
             steps.close()
         except GssmcError as error:
@@ -95,5 +99,5 @@ class Worker:
         except MemoryError:
             self._queue.put(Failure("There is not enough memory for this splat; close other files or use a smaller scan."))
         except Exception as error:
-            log.exception("The refinement broke off")
-            self._queue.put(Failure(f"The refinement broke off ({type(error).__name__}); the system console has the details."))
+            log.exception("The work broke off")
+            self._queue.put(Failure(f"The work broke off ({type(error).__name__}); the system console has the details."))

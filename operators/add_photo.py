@@ -1,14 +1,11 @@
 """Add Photo: a camera for a photograph, with the photo behind it."""
 
-from pathlib import Path
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
-from ..core.photo import read_photo
-from ..gssmc_addon import photo_camera, photo_image
+from ..gssmc_addon import photo_camera, photo_image, photo_list
 
 CAMERA_ITEMS = (
     (
@@ -38,8 +35,9 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
     )
     set_resolution: BoolProperty(
         name="Set Resolution",
-        default=True,
-        description="Make the render resolution the photo's, so that it fills the camera's frame",
+        default=False,
+        description="Make the render resolution the photo's, so that it fills the camera's frame. Without, the photo lies in "
+        "the middle of the frame as large as fits",
     )
 
     def check(self, context):
@@ -48,7 +46,7 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
     def execute(self, context):
         context.view_layer.update()  # scripts place objects and expect that to count
         try:
-            photo = read_photo(Path(self.filepath))
+            photo = photo_image.read_any_photo(self.filepath)
             given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
             image = photo_image.load_image(self.filepath, photo)
             camera = photo_camera.choose_camera(context, self.camera, image.name)
@@ -56,6 +54,7 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
         except GssmcError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        photo_list.note(context.scene, camera, photo)
         photo_camera.look_through(context, camera)
         self.report(
             {"INFO"}, f'"{image.name}" ({photo.width} x {photo.height}) is set behind "{camera.name}". ' + " ".join(notes)

@@ -6,7 +6,7 @@ from ..gssmc_addon import jobs
 
 
 class GSSMC_OT_cancel(bpy.types.Operator):
-    """Stop the running refinement; the camera stays as it is"""
+    """Stop what is running; a camera that is not done stays as it is"""
 
     bl_idname = "gssmc.cancel"
     bl_label = "Cancel"

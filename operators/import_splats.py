@@ -1,21 +1,28 @@
-"""File > Import > Gaussian Splats (.ply)."""
+"""File > Import > Gaussian Splats: a worker thread in the window, a plain call in scripts and background mode."""
 
+import time
 from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
+from ..core import memory
 from ..core.errors import GssmcError
-from ..core.splats import read_splats
-from ..gssmc_addon import splat_display, splat_import, splat_object
+from ..gssmc_addon import panels, preferences, splat_display, splat_import, splat_object, viewport_props
+from ..gssmc_addon.splat_import_job import ImportJob
 
 ORIENTATION_ITEMS = (
+    ("AUTO", "By Format", "What the file's format means, or the file declares: .ply and .splat y down, .spz y up"),
     ("Y_DOWN", "Y Down", "The file's y axis points down, as photogrammetry and most splat trainers write it"),
     ("Y_UP", "Y Up", "The file's y axis points up"),
     ("Z_UP", "Z Up", "The file's z axis points up, as in Blender: keep the axes"),
     ("Z_DOWN", "Z Down", "The file's z axis points down"),
 )
+TICK_S = 0.03
+STEP_S = 0.03  # of each tick, at most, for writing into Blender's memory; one attribute may exceed it
+DIALOG_WIDTH = 340
+READING = 0.8  # share of the progress shown
 
 
 class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
@@ -25,35 +32,148 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
     bl_label = "Import Gaussian Splats"
     bl_options = {"UNDO", "PRESET"}
 
-    filename_ext = ".ply"
-    filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
+    filter_glob: StringProperty(default=splat_import.FILTER, options={"HIDDEN"})
     orientation: EnumProperty(
-        name="Up Axis", items=ORIENTATION_ITEMS, default="Y_DOWN", description="Turns the object; the file's coordinates stay"
+        name="Up Axis", items=ORIENTATION_ITEMS, default="AUTO", description="Turns the object; the file's coordinates stay"
+    )
+    scale: FloatProperty(
+        name="Scale",
+        default=1.0,
+        min=1e-6,
+        soft_min=0.01,
+        soft_max=100.0,
+        description="Scales the object; the file's coordinates stay",
+    )
+    max_shown: IntProperty(
+        name="Most Shown",
+        default=viewport_props.MAX_SHOWN,
+        min=1000,
+        description="Most Gaussians drawn in the viewport; all are imported. The panel changes it later",
     )
     show_colours: BoolProperty(
-        name="Show Colours",
+        name="Colours of Points",
         default=True,
-        description="Switch Solid viewports to Material Preview, where the scan shows its colours",
+        description="Where the scan shows as points, switch Solid viewports to Material Preview, which has its colours",
+    )
+
+    wait: BoolProperty(
+        name="Wait",
+        default=True,
+        options={"HIDDEN", "SKIP_SAVE"},
+        description="For scripts: return when all is imported. Off, a window goes on meanwhile, as it does after the dialog",
     )
 
     def invoke(self, context, event):
+        self.wait = False
         if self.filepath:  # dropped on the viewport
-            return self.invoke_popup(context)
+            title = f"Import {Path(self.filepath).name}"
+            return context.window_manager.invoke_props_dialog(self, width=DIALOG_WIDTH, title=title, confirm_text="Import")
         return super().invoke(context, event)
 
+    def check(self, context):
+        return True  # the file was changed: draw() describes it anew
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        for line in splat_import.describe(self.filepath):
+            panels.draw_text(self.layout, context, line)
+        for name in ("orientation", "scale", "max_shown"):
+            self.layout.prop(self, name)
+        if not viewport_props.is_drawable():
+            self.layout.prop(self, "show_colours")
+
     def execute(self, context):
-        path = Path(self.filepath)
+        """After the dialog the file comes in beside other work; a call from a script waits for it."""
+        self._building = None
         try:
-            scene = read_splats(path)
+            memory.check("The import", memory.import_bytes(Path(self.filepath)), preferences.memory_limit(context))
         except GssmcError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        obj = splat_import.add_splat(context, path.stem, scene, self.orientation)
-        if self.show_colours and not splat_object.has_native_type(obj.data):
+        self._job = ImportJob(Path(self.filepath), viewport_props.is_drawable())
+        self._job.start()
+        if not (self.wait or bpy.app.background) and context.window is not None:
+            manager = context.window_manager
+            self._timer = manager.event_timer_add(TICK_S, window=context.window)
+            manager.progress_begin(0, 100)
+            manager.modal_handler_add(self)
+            return {"RUNNING_MODAL"}
+        self._job.join()
+        try:
+            self._begin_building()
+            while not self._building.step():
+                pass
+            return self._finish(context)
+        except GssmcError as error:
+            return self._refuse(str(error))
+
+    def modal(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS":
+            self.cancel(context)
+            self.report({"INFO"}, "The import was cancelled; nothing was changed.")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            if not self._advance(context):
+                return {"PASS_THROUGH"}
+            self._end(context)
+            return self._finish(context)
+        except GssmcError as error:
+            self.cancel(context)
+            return self._refuse(str(error))
+
+    def cancel(self, context):
+        """The user or Blender ends the operator."""
+        self._job.stop()
+        if self._building:
+            self._building.drop()
+        self._end(context)
+
+    def _advance(self, context):
+        """True when all of the file is in Blender's memory."""
+        until = time.perf_counter() + STEP_S
+        if self._building is None:
+            if not self._job.done():
+                self._say(context, READING * self._job.fraction)
+                return False
+            self._begin_building()
+        while not self._building.step():
+            if time.perf_counter() > until:
+                self._say(context, READING + (1 - READING) * self._building.fraction)
+                return False
+        return True
+
+    def _begin_building(self):
+        prepared = self._job.result()
+        placement = splat_import.Placement(self.orientation, self.scale, self.max_shown)
+        self._scene = prepared.scene
+        self._building = splat_import.Building(self._job.path.stem, prepared, placement)
+
+    def _finish(self, context):
+        obj, scene = self._building.finish(context), self._scene
+        self._building = self._scene = None  # the operator outlives its work in Blender's history
+        if self.show_colours and not (viewport_props.is_drawable() or splat_object.has_native_type(obj.data)):
             splat_display.show_colours(context)
         dropped = f" {scene.dropped} Gaussians with values that are not finite were left out." if scene.dropped else ""
         self.report({"INFO"}, f'"{obj.name}": {len(scene):,} Gaussians, SH degree {scene.sh_degree} ({scene.format}).{dropped}')
         return {"FINISHED"}
+
+    def _say(self, context, fraction):
+        context.window_manager.progress_update(100 * fraction)
+        if context.workspace:
+            name = self._job.path.name
+            context.workspace.status_text_set(f"Importing {name}: {100 * fraction:.0f} %    Esc: cancel")
+
+    def _end(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        if context.workspace:
+            context.workspace.status_text_set(None)
+
+    def _refuse(self, message):
+        self.report({"ERROR"}, message)
+        return {"CANCELLED"}
 
 
 classes = (GSSMC_OT_import_splats,)

@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import zipfile
 from pathlib import Path
 
 REPO = Path(__file__).resolve().parent.parent
@@ -46,6 +47,7 @@ def main() -> int:
         command = [sys.executable, str(builder), "build", "--source-dir", str(stage), "--output-dir", str(options.out)]
         subprocess.run(command + ([] if options.no_wheels else ["--split-platforms"]), check=True)
     for archive in sorted(options.out.glob("gssmc-*.zip")):
+        check_archive(builder, archive)
         print(f"{archive}  {archive.stat().st_size / 1e6:.1f} MB")
     return 0
 
@@ -73,6 +75,15 @@ def find_builder(package: Path | None) -> Path:
     if not found:
         sys.exit(f"{package} holds no Blender extension builder; give the folder of the bpy package with --bpy.")
     return found[-1]
+
+
+def check_archive(builder: Path, archive: Path) -> None:
+    """Ends the program when Blender would refuse the zip, or when it brings a numpy beside Blender's own."""
+    subprocess.run([sys.executable, str(builder), "validate", str(archive)], check=True)
+    with zipfile.ZipFile(archive) as content:
+        numpy = [name for name in content.namelist() if Path(name).name.lower().startswith("numpy-")]
+    if numpy:
+        sys.exit(f"{archive} holds {numpy[0]}; numpy is Blender's own and must not be bundled.")
 
 
 def copy_sources(stage: Path) -> None:
@@ -104,11 +115,10 @@ def matching(folder: Path, requirement: str, python: str) -> list[Path]:
 
 
 def download(requirement: str, python: str, tags: tuple[str, ...], target: Path) -> None:
-    pip = (
-        [sys.executable, "-m", "pip"]
-        if importlib.util.find_spec("pip")
-        else ["uv", "run", "--no-project", "--with", "pip", "pip"]
-    )
+    own_uv = REPO / ".uv" / "bin" / "uv"  # where setup.sh puts it when the machine has none
+    uv = str(own_uv) if own_uv.exists() else "uv"
+    has_pip = importlib.util.find_spec("pip") is not None
+    pip = [sys.executable, "-m", "pip"] if has_pip else [uv, "run", "--no-project", "--with", "pip", "pip"]
     command = [
         *pip,
         "download",

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Sets up .venv from requirements.lock; does nothing when it is up to date. Sourced or run by demo.sh and test.sh.
-# Needs: bash, Python 3.13 (or uv, which brings one), and the system libraries that Blender's own module links to.
+# Sets up .venv from requirements.lock; does nothing when it is up to date. Run by demo.sh and test.sh.
+# With --all also .venv45 from requirements45.lock: Blender 4.5 LTS, for the tests alone.
+# Needs: bash, Python 3.13 and 3.11 (or uv, which brings them), and the system libraries that Blender's own module links to.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export UV_SYSTEM_CERTS="${UV_SYSTEM_CERTS:-1}"  # the machine's own certificates: many networks have one of their own
@@ -17,13 +18,17 @@ find_uv() {
   exit 2
 }
 
-stamp=.venv/requirements.lock
-if ! cmp -s requirements.lock "$stamp"; then
+# make_venv FOLDER LOCK PYTHON: without a dependency check, for the lock is complete and says what works together.
+make_venv() {
+  cmp -s "$2" "$1/$2" && return
   find_uv
-  [ -x .venv/bin/python ] || "$UV" venv -q --python "$(cat .python-version)" .venv
-  "$UV" pip sync -q --python .venv/bin/python --require-hashes requirements.lock
-  cp requirements.lock "$stamp"
-fi
+  [ -x "$1/bin/python" ] || "$UV" venv -q --python "$3" "$1"
+  "$UV" pip sync -q --python "$1/bin/python" --require-hashes "$2"
+  cp "$2" "$1/$2"
+}
+
+make_venv .venv requirements.lock "$(cat .python-version)"
+if [ "${1:-}" = --all ]; then make_venv .venv45 requirements45.lock 3.11; fi
 
 # Blender's module is linked against X11 and GL even when it draws nothing.
 libraries="libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libegl1"

@@ -2,7 +2,7 @@
 # All checks: style (ruff), types (mypy strict on core), tests (pytest). Arguments go to pytest.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-bash scripts/setup.sh
+bash scripts/setup.sh --all
 .venv/bin/ruff check .
 .venv/bin/ruff format --check .
 .venv/bin/mypy

@@ -16,11 +16,12 @@ from ..camera_files import camera_from_dict, camera_to_dict
 from ..console import note, say
 from ..datasets import pose_list
 from ..errors import SplatFormatError
+from ..photo_mask import find_mask
 from ..pose.settings import RefineSettings
 from ..presets import PRESETS
 from ..results import error_to_dict
 from ..splats import check_splat_file
-from .flags import UsageError, add_settings_flags, settings_from
+from .flags import MASK_HELP, SCENE_HELP, UsageError, add_settings_flags, settings_from
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .pool import Pool
 from .progress import ProgressBar
@@ -30,7 +31,7 @@ from .store import ResultStore, job_key
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("batch", help="refine many photos; a second run goes on where the first one stopped")
-    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
     source = 'camera JSON: each camera is the start of its "file", relative to this JSON; or a 7-Scenes or Cambridge folder'
     parser.add_argument("queries", type=Path, metavar="SOURCE", help=source)
     parser.add_argument("--start", type=Path, metavar="POSES.txt", help="start poses of a folder's test photos (any pose file)")
@@ -38,6 +39,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--preset", choices=list(PRESETS), help="the paper's settings; the scan's unit must be the metre")
     parser.add_argument("--out", type=Path, required=True, metavar="RESULTS.json", help="results, in the order of the queries")
     parser.add_argument("--poses", type=Path, metavar="OUT.txt", help="also write lines of name qw qx qy qz tx ty tz")
+    parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     workers = os.cpu_count() or 1
     parser.add_argument("--workers", type=int, default=workers, metavar="N", help=f"processes, each holds the scan ({workers})")
     add_settings_flags(parser, skip=("threads",))
@@ -48,16 +50,17 @@ def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args, PRESETS[args.preset] if args.preset else None)
     found = find_queries(args)
     cameras, photos = found.cameras, found.photos
+    masks = _mask_files(args.mask, photos)
     if args.workers < 1:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     if args.out.exists() and args.out.samefile(args.queries):
         raise UsageError("--out is the queries file itself; give another file for the results.")
     check_splat_file(args.scene)
-    store = ResultStore(args.out, _keys(args.scene, cameras, photos, settings))
+    store = ResultStore(args.out, _keys(args.scene, cameras, photos, masks, settings))
     resumed = store.resume()
     if resumed:
         note(f"{resumed} of {len(cameras)} photos were finished before and are kept.")
-    _work(args, cameras, photos, settings, store)
+    _work(args, cameras, photos, masks, settings, store)
     verdicts = Counter(record["verdict"] for record in store.records.values())
     say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
     results = tuple(camera_from_dict(store.records[i]) for i in range(len(cameras)))
@@ -68,11 +71,16 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _work(
-    args: argparse.Namespace, cameras: list[Camera], photos: list[Path], settings: RefineSettings, store: ResultStore
+    args: argparse.Namespace,
+    cameras: list[Camera],
+    photos: list[Path],
+    masks: list[str],
+    settings: RefineSettings,
+    store: ResultStore,
 ) -> None:
     jobs = [
-        (i, {"camera": camera_to_dict(c), "photo": str(p)})
-        for i, (c, p) in enumerate(zip(cameras, photos, strict=True))
+        (i, {"camera": camera_to_dict(c), "photo": str(p), "mask": m or None})
+        for i, (c, p, m) in enumerate(zip(cameras, photos, masks, strict=True))
         if i not in store.records
     ]
     first = {"scene": str(args.scene.resolve()), "settings": {**asdict(settings), "threads": 1}}
@@ -98,11 +106,23 @@ def _work(
         note(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.")
 
 
-def _keys(scene: Path, cameras: list[Camera], photos: list[Path], settings: RefineSettings) -> list[str]:
+def _mask_files(masks: Path | None, photos: list[Path]) -> list[str]:
+    """Each photo's mask, empty where it has none; says how many have one. Raises PhotoError when `masks` does not exist."""
+    if masks is None:
+        return [""] * len(photos)
+    found = [find_mask(masks.resolve(), photo) for photo in photos]
+    note(f"{sum(mask is not None for mask in found)} of {len(photos)} photos have a mask; the others are used whole.")
+    return [str(mask or "") for mask in found]
+
+
+def _keys(scene: Path, cameras: list[Camera], photos: list[Path], masks: list[str], settings: RefineSettings) -> list[str]:
     """Per query, what its answer depends on. Two equal queries share a key, and then an answer."""
     options = {name: value for name, value in asdict(settings).items() if name != "threads"}
     try:
         size = scene.stat().st_size
     except OSError as error:
         raise SplatFormatError(f"The splat file '{scene}' cannot be read ({error.strerror}); check the path.") from error
-    return [job_key(scene.name, size, options, camera_to_dict(c), str(p)) for c, p in zip(cameras, photos, strict=True)]
+    return [
+        job_key(scene.name, size, options, camera_to_dict(c), str(p), *([m] if m else []))  # keys of old results stay
+        for c, p, m in zip(cameras, photos, masks, strict=True)
+    ]

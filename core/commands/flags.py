@@ -9,7 +9,16 @@ from dataclasses import Field, fields, replace
 from typing import Any
 
 from ..errors import GssmcError
+from ..features.frontend import check_choice
+from ..features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..pose.settings import RefineSettings, choices
+
+FEATURE_CHOICES = {"features": (*EXTRACTORS, AUTO), "matcher": tuple(MATCHERS)}
+
+SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz or .splat"
+
+
+MASK_HELP = "what to leave out of matching: a picture, or a folder of them named as the photos; white: use, black: leave out"
 
 
 class UsageError(GssmcError):
@@ -26,7 +35,7 @@ class OneLineParser(argparse.ArgumentParser):
 def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = ()) -> None:
     """One flag per field of RefineSettings: --name-with-dashes VALUE, or --no-name for a switch that is on."""
     group = parser.add_argument_group("refinement options")
-    texts, words = field_texts(RefineSettings), choices()
+    texts, words = field_texts(RefineSettings), {**choices(), **FEATURE_CHOICES}
     for field in fields(RefineSettings):
         if field.name in skip:
             continue
@@ -40,6 +49,8 @@ def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = 
             group.add_argument(
                 f"--{flag}", dest=field.name, choices=words[field.name], default=argparse.SUPPRESS, help=help_text
             )
+        elif isinstance(field.default, str):
+            group.add_argument(f"--{flag}", dest=field.name, default=argparse.SUPPRESS, metavar="FILE", help=text)
         else:
             kind = type(field.default)
             help_text = f"{text} ({field.default})"
@@ -47,9 +58,13 @@ def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = 
 
 
 def settings_from(args: argparse.Namespace, base: RefineSettings | None = None) -> RefineSettings:
-    """`base` (the defaults) with what the given flags say. Raises RefineError when a number is out of range."""
+    """`base` (the defaults) with what the given flags say. Raises RefineError when a number is out of range, FeatureError when
+    the features cannot be used: before a large scan is read.
+    """
     given = {f.name: getattr(args, f.name) for f in fields(RefineSettings) if hasattr(args, f.name)}
-    return replace(base or RefineSettings(), **given)
+    settings = replace(base or RefineSettings(), **given)
+    check_choice(settings)
+    return settings
 
 
 def field_texts(settings: Any) -> dict[str, str]:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
 import queue
-import subprocess
-import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from ..child import Child
 from ..errors import GssmcError, RefineError, SplatFormatError
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
@@ -31,19 +26,7 @@ class Worker:
     """One worker process. `ask` blocks until the answer is there."""
 
     def __init__(self, first: Record) -> None:
-        package = Path(__file__).resolve().parents[1]
-        # Inside Blender the engine's package has another name; the child imports it from its folder, by its own name.
-        search = os.pathsep.join([str(package.parent), *(p for p in sys.path if p)])
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", f"{package.name}.commands.worker"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._said,
-            env={**os.environ, **ONE_THREAD, "PYTHONPATH": search},
-            text=True,
-            encoding="utf-8",
-        )
+        self._child = Child("commands.worker", ONE_THREAD)
         self._first = first
 
     def start(self) -> int:
@@ -57,36 +40,23 @@ class Worker:
         return int(answer["dropped"])
 
     def ask(self, job: Record) -> Record:
-        assert self._process.stdin is not None and self._process.stdout is not None
         try:
-            self._process.stdin.write(json.dumps(job) + "\n")
-            self._process.stdin.flush()
-            line = self._process.stdout.readline()
+            self._child.stdin.write(json.dumps(job).encode() + b"\n")
+            self._child.stdin.flush()
+            line = self._child.stdout.readline()
         except (BrokenPipeError, ValueError, OSError):
-            line = ""
+            line = b""
         if not line:
-            raise WorkerDiedError(self._last_words())
+            raise WorkerDiedError(self._child.last_words())
         answer: Record = json.loads(line)
         return answer
 
-    def _last_words(self) -> str:
-        self._process.wait()
-        self._said.seek(0)
-        lines = self._said.read().decode("utf-8", "replace").strip().splitlines()
-        code = self._process.returncode
-        return f"exit code {code}" + (f", {lines[-1].strip()[:200].rstrip('.')}" if lines and code > 0 else "")
-
     def kill(self) -> None:
         """End the process. The thread that waits for its answer hears of it as of any death; it alone may `close`."""
-        if self._process.poll() is None:
-            self._process.kill()
-        self._process.wait()
+        self._child.kill()
 
     def close(self) -> None:
-        self.kill()
-        for pipe in (self._process.stdin, self._process.stdout, self._said):
-            with contextlib.suppress(OSError):  # the unsent rest of a dead worker's job
-                pipe.close()  # type: ignore[union-attr]
+        self._child.close()
 
 
 class Pool:

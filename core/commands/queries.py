@@ -6,13 +6,16 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..camera import Camera
-from ..camera_files import read_cameras
+from ..camera import Camera, Intrinsics
+from ..camera_files import Start, read_starts
 from ..console import note
 from ..datasets import match_names, queries, read
 from ..datasets.pose_list import checked
-from ..errors import DatasetError
+from ..errors import DatasetError, PhotoError
+from ..lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 from .flags import UsageError
+
+UNREAD = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of a photo that cannot be read
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,37 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None) -> Quer
 
 def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Queries:
     """Cameras of a JSON file, each with its photo relative to that file."""
-    cameras = read_cameras(file)
+    starts = read_starts(file)
     for flag, value in (("--start", start), ("--focal", focal)):
         if value is not None:
             raise UsageError(f"{flag} goes with a data set's folder; '{file.name}' brings its own cameras.")
-    for number, camera in enumerate(cameras, 1):
-        if not camera.file:
+    for number, start_camera in enumerate(starts, 1):
+        if not start_camera.file:
             raise UsageError(f"Camera {number} of '{file.name}' names no photo; give it a \"file\".")
-    return Queries(cameras, [(file.resolve().parent / camera.file) for camera in cameras])
+    photos = [file.resolve().parent / start_camera.file for start_camera in starts]
+    return Queries(_with_lenses(starts, photos), photos)
+
+
+def _with_lenses(starts: list[Start], photos: list[Path]) -> list[Camera]:
+    """The cameras, with lenses by their photos where the file tells none; says what was assumed."""
+    cameras: list[Camera] = []
+    assumed: list[LensGuess | None] = []
+    for start, photo in zip(starts, photos, strict=True):
+        guess = _guess(photo) if start.intrinsics is None else None
+        cameras.append(start.camera(guess.intrinsics if guess else UNREAD))
+        assumed += [guess] if start.intrinsics is None else []
+    if assumed:
+        by_exif = sum(guess is not None and guess.focal_35mm is not None for guess in assumed)
+        note(
+            f"{len(assumed)} of {len(starts)} starts tell no lens: {by_exif} get theirs from EXIF, "
+            f"{len(assumed) - by_exif} a field of view of {DEFAULT_FOV_DEG:g} degrees across the long side."
+        )
+    return cameras
+
+
+def _guess(photo: Path) -> LensGuess | None:
+    """None for a photo that cannot be read, which is found out when its turn comes."""
+    try:
+        return guess_lens_of_file(photo)
+    except (PhotoError, OSError):
+        return None

@@ -9,15 +9,17 @@ from pathlib import Path
 
 from ..atomic import atomic_write
 from ..camera import Camera
-from ..camera_files import read_cameras
+from ..camera_files import Start, read_starts
 from ..console import note, say
-from ..errors import CameraError
-from ..photo import read_photo
+from ..errors import CameraError, PhotoError
+from ..lens_guess import guess_lens
+from ..photo import Photo, read_photo
+from ..photo_mask import find_mask, masked
 from ..pose.report import RefineReport
 from ..render import Renderer, RenderSettings
 from ..results import report_to_dict
 from ..splats import read_splats
-from .flags import add_settings_flags, settings_from
+from .flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from .notes import say_dropped
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .progress import ProgressBar
@@ -26,9 +28,12 @@ from .refine_one import refine_photo
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("refine", help="find the exact camera of one photo from a rough start")
-    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
-    parser.add_argument("--camera", type=Path, required=True, metavar="CAM.json", help="the start: lens and rough pose")
+    parser.add_argument(
+        "--camera", type=Path, required=True, metavar="CAM.json", help="the start: rough pose, and lens where known"
+    )
+    parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
     add_settings_flags(parser)
     return parser
@@ -37,9 +42,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args)
     photo = read_photo(args.photo)
+    if args.mask is not None:
+        photo = masked(photo, _mask(args.mask, args.photo))
     for remark in photo.notes:
         note(remark)
-    camera = replace(pick_camera(args.camera, args.photo), file=str(args.photo))
+    camera = start_camera(pick_start(args.camera, args.photo), photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
     renderer = Renderer(scene, RenderSettings.for_scene(scene, threads=1))  # the refinement draws its views side by side
@@ -57,20 +64,38 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,))
 
 
+def _mask(masks: Path, photo: Path) -> Path:
+    """The photo's mask. Raises PhotoError when a folder has none for it."""
+    found = find_mask(masks, photo)
+    if found is None:
+        raise PhotoError(
+            f"The folder '{masks}' has no mask for '{photo.name}'; name it '{photo.name}.png' or '{photo.stem}.png'."
+        )
+    return found
+
+
 def summary(report: RefineReport) -> str:
     """One line for people."""
     return f"{report.verdict} after {len(report.iterations)} iterations, {report.seconds:.1f} s. {' '.join(report.reasons)}"
 
 
-def pick_camera(file: Path, photo: Path) -> Camera:
+def start_camera(start: Start, photo: Photo) -> Camera:
+    """The camera to start from, with the lens that the photo suggests where the file tells none, which is said then."""
+    guess = guess_lens(photo)
+    if start.intrinsics is None:
+        note(f"The start tells no lens: {guess.words}.")
+    return replace(start.camera(guess.intrinsics), file=photo.file)
+
+
+def pick_start(file: Path, photo: Path) -> Start:
     """The file's only camera, or the one that names the photo. Raises CameraError when that is nobody, or several."""
-    cameras = read_cameras(file)
-    if len(cameras) == 1:
-        return cameras[0]
-    named = [c for c in cameras if Path(c.file).name == photo.name]
+    starts = read_starts(file)
+    if len(starts) == 1:
+        return starts[0]
+    named = [s for s in starts if Path(s.file).name == photo.name]
     if len(named) != 1:
         raise CameraError(
-            f"'{file.name}' holds {len(cameras)} cameras, {len(named)} of them for '{photo.name}'; "
+            f"'{file.name}' holds {len(starts)} cameras, {len(named)} of them for '{photo.name}'; "
             'give one camera, or one whose "file" names the photo.'
         )
     return named[0]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..camera import Camera
 from ..photo import Photo, check_size, read_photo
+from ..photo_mask import masked
 from ..pose.refine import refine
 from ..pose.report import RefineProgress, RefineReport
 from ..pose.settings import RefineSettings
@@ -20,9 +21,12 @@ def refine_photo(
     camera: Camera,
     settings: RefineSettings,
     on_progress: Callable[[RefineProgress], None] | None = None,
+    mask: Path | None = None,
 ) -> RefineReport:
-    """Read the photo, fit the camera to its size, refine. Raises the GssmcError of whatever cannot be used."""
+    """Read the photo and its mask, fit the camera to its size, refine. Raises the GssmcError of whatever cannot be used."""
     if isinstance(photo, Path):
         photo = read_photo(photo)
+    if mask is not None:
+        photo = masked(photo, mask)
     fitted = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
     return refine(renderer, photo, fitted, settings, on_progress)

@@ -18,13 +18,14 @@ from ..camera_files import read_cameras
 from ..console import say
 from ..render import RenderedView, Renderer, RenderSettings
 from ..splats import read_splats
+from .flags import SCENE_HELP
 from .notes import say_dropped
 from .outcome import OK, Outcome
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("render", help="draw the splat from every camera of a file, as a pinhole (no lens distortion)")
-    parser.add_argument("scene", type=Path, help="splat file (.ply)")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("cameras", type=Path, help='camera JSON: one camera, or a list under "frames"')
     parser.add_argument("outdir", type=Path, help="folder for the pictures, made where it is missing")
     parser.add_argument("--npz", action="store_true", help="write float arrays color, depth, alpha beside each picture")

@@ -2,7 +2,7 @@
 
 A process of its own, because a damaged photo or model can end a process inside OpenCV, and that must cost one photo only.
 The first line it gets is {"scene", "settings"}, answered by {"dropped": n} or {"error": sentence}; each further line is
-{"camera", "photo"}, answered by the photo's record. It ends when its input does.
+{"camera", "photo", "mask"} (the last may be null), answered by the photo's record. It ends when its input does.
 """
 
 from __future__ import annotations
@@ -42,15 +42,18 @@ def main() -> int:
     del scene
     for line in sys.stdin:
         job = json.loads(line)
-        _answer(answers, refine_record(renderer, settings, job["camera"], Path(job["photo"])))
+        mask = Path(job["mask"]) if job.get("mask") else None
+        _answer(answers, refine_record(renderer, settings, job["camera"], Path(job["photo"]), mask))
     return 0
 
 
-def refine_record(renderer: Renderer, settings: RefineSettings, camera_dict: dict[str, Any], photo: Path) -> dict[str, Any]:
+def refine_record(
+    renderer: Renderer, settings: RefineSettings, camera_dict: dict[str, Any], photo: Path, mask: Path | None = None
+) -> dict[str, Any]:
     """The record of one photo; what cannot be used becomes a record that says so."""
     camera = camera_from_dict(camera_dict)
     try:
-        return report_to_dict(refine_photo(renderer, photo, camera, settings))
+        return report_to_dict(refine_photo(renderer, photo, camera, settings, mask=mask))
     except GssmcError as error:
         return error_to_dict(camera, str(error))
     except MemoryError:

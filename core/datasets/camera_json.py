@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..camera_files import camera_from_dict, load_json
+from ..camera_files import load_json, start_from_dict
 from ..errors import DatasetError
 from .text import head
 from .types import PosedFrame, PoseSet, Split, pose_set
@@ -27,7 +27,7 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     frames, unsolved = [], 0
     for number, record in enumerate(records, 1):
         where = f"Camera {number} of '{path.name}'"
-        camera = camera_from_dict(record, where)
+        camera = start_from_dict(record, where)
         if not camera.file:
             raise DatasetError(f'{where} names no photo; give it a "file", by which poses are matched.')
         if "error" in record:

@@ -14,7 +14,7 @@ from ..camera import Intrinsics, Pose, pose_error
 from ..render.view import ViewRenderer
 from .guided import Corners, follow, match_corners, pick_corners
 from .hypotheses import candidate_poses
-from .joint import JointFit, JointProblem, Stage, fit_joint, held_out_px
+from .joint import STAGES, JointFit, JointProblem, Stage, fit_joint, held_out_px
 from .lens import LensCamera, LensMode
 from .matches import ViewMatches
 from .settings import RefineSettings
@@ -29,7 +29,6 @@ MAX_PASSES = 3
 SETTLED = 0.003  # of the median depth, and degrees: a pass that moved less than this ends the stage
 SETTLED_DEG = 0.15
 SETTLED_FOCAL = 0.002
-STAGES: tuple[Stage, ...] = ("joint", "epipolar", "depth")
 AUTO_MARGIN = 0.97  # another stage than the joint one must explain the held-out matches better by this factor
 
 

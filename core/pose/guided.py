@@ -27,6 +27,7 @@ CORNER_QUALITY = 0.005
 SPACING = 1 / 120  # of the long side, between corners
 WINDOW = 1 / 38  # of the long side: the patch that is aligned
 MOVE = 1 / 240  # of the long side: how far a corner may lie from where the pose says it is
+MIN_WINDOW_PX, MIN_MOVE_PX = 9, 1.5
 BORDER_PX = 4
 GATE_PX = 4.0
 
@@ -67,7 +68,8 @@ def match_corners(
     k, long_side = photo.pinhole, max(photo.raw.shape)
     guess, inside = _predicted(photo, at, corners.world)
     start, guess = corners.pixels[inside], guess[inside]
-    aligner = SubpixelAligner(window_px=round(long_side * WINDOW) | 1, max_move_px=long_side * MOVE)
+    window = max(MIN_WINDOW_PX, round(long_side * WINDOW) | 1)
+    aligner = SubpixelAligner(window_px=window, max_move_px=max(MIN_MOVE_PX, long_side * MOVE))
     pixels, good = aligner.align(photo.aligned, normalise_locally(grey_of(view)), start, guess)
     start, pixels = start[good], pixels[good]
     depth = np.where(sample(view.alpha, pixels) > MIN_ALPHA, sample(view.depth, pixels), np.nan)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from .lens import FREE, PRIOR_STD, LensCamera, LensMode, lens_difference
 from .matches import ViewMatches, bearings
 from .reprojection import Reprojection, reproject, robust_across_px, whiten
 
-Stage = Literal["epipolar", "depth", "joint"]
+Stage = Literal["joint", "epipolar", "depth"]
+STAGES: tuple[Stage, ...] = get_args(Stage)
 
 SCALE = 2.0  # of the Geman-McClure loss, in deviations
 ROUNDS = 4  # of re-estimating deviations around the falling residuals

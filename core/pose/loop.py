@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..camera import Intrinsics, Pose, pose_error
+from ..features.frontend import Frontend
 from ..features.nearest import MutualNearest
 from ..render.view import ViewRenderer
 from .epipolar import EpipolarFit, measure_epipolar
@@ -16,7 +17,7 @@ from .focal import refocus
 from .hypotheses import GAUSSIAN_LENGTH, candidate_poses
 from .lens import LensMode
 from .matches import ViewMatches
-from .observe import Frontend, Observation, Query, observe
+from .observe import Observation, Query, observe
 from .report import IterationRecord, RefineProgress
 from .settings import RefineSettings
 from .solve import coarse_pose, fine_matches, fine_pose, keep_distance, usable_views
@@ -76,12 +77,22 @@ class Step:
 
 @dataclass(frozen=True)
 class Loop:
-    """One refinement's fixed inputs; `run` does the iterations. `lens`: what of the lens is unknown."""
+    """One refinement's fixed inputs; `run` does the iterations. `lens`: what of the lens is unknown; `look` makes the query
+    that a frontend sees in the photo.
+    """
 
     renderer: ViewRenderer
     settings: RefineSettings
     frontend: Frontend
     lens: LensMode
+    look: Callable[[Frontend], Query]
+
+    def stronger(self, query: Query, usable: int, views: int) -> tuple[Loop, Query]:
+        """The loop and query with the features that should look on where these found no answer; the same if there are none."""
+        frontend = self.frontend.stronger(usable, views)
+        if frontend is None:
+            return self, query
+        return replace(self, frontend=frontend), self.look(frontend).with_intrinsics(query.image.intrinsics)
 
     def run(
         self, query: Query, start: Pose, records: list[IterationRecord], rng: np.random.Generator
@@ -89,14 +100,14 @@ class Loop:
         """Iterates from `start` and returns the best answer; appends to `records`."""
         settings, prior = self.settings, query.image.intrinsics
         fan = narrow = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
-        pose, best, problem, agreement = start, None, "", 0.0
+        pose, best, problem, agreement, loop = start, None, "", 0.0, self
         for index in range(settings.iterations):
-            observations = yield from self._observe(query, pose, fan, index, rng)
+            observations = yield from loop._observe(query, pose, fan, index, rng)
             if not observations:
                 return Outcome(best, LOOKS_AWAY, agreement)
             if index == 0:
                 agreement = compare(query.image, observations[0].grey, observations[0].solid).agreement
-            step = self._solve(query, prior, observations, pose, index, first=best is None)
+            step = loop._solve(query, prior, observations, pose, index, first=best is None)
             records.append(step.record)
             yield self._progress(index + 1, "iteration done", index + 1, step.record)
             query, found = step.query, step.found
@@ -104,6 +115,7 @@ class Loop:
                 problem = _too_few(observations, step.record)
                 # a pose came out, but no fit of it: look around it before looking farther
                 fan, pose = (narrow if step.record.inliers else fan.wider()), step.record.pose
+                loop, query = loop.stronger(query, step.record.views_used, len(observations))
                 continue
             if best is not None and not _supports(found, best):
                 break  # fewer matches agree than before: a later iteration must not spoil a good pose

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import FloatArray, Intrinsics, Pose
-from ..features.nearest import MutualNearest
-from ..features.sift import RootSift
+from ..features.frontend import Frontend
 from ..features.subpixel import SubpixelAligner, normalise_locally
-from ..features.types import Extractor, Features, Matcher
+from ..features.types import Features
 from ..photo import Photo
 from ..render.view import RenderedView, ViewRenderer
 from .matches import BoolArray, ViewMatches
@@ -21,15 +20,6 @@ from .working import GreyImage, WorkingPhoto
 
 MIN_ALPHA = 0.5  # below this a pixel of the render shows the background as much as the scan
 MIN_DEPTH_STD_RATIO = 1e-3
-
-
-@dataclass(frozen=True)
-class Frontend:
-    """The image side of the method: extractor, matcher, alignment."""
-
-    extractor: Extractor = field(default_factory=RootSift)
-    matcher: Matcher = field(default_factory=MutualNearest)
-    aligner: SubpixelAligner = field(default_factory=SubpixelAligner)
 
 
 @dataclass(frozen=True)
@@ -78,7 +68,7 @@ class Observation:
 def make_query(photo: Photo, intrinsics: Intrinsics, long_side_px: int, frontend: Frontend) -> Query:
     """Resizes the photo and its camera to the working size and extracts its features once."""
     image = WorkingPhoto.of(photo, intrinsics, long_side_px)
-    return Query(image, frontend.extractor.extract(image.raw, image.mask))
+    return Query(image, frontend.photo_features(image.raw, image.mask))
 
 
 def grey_of(view: RenderedView) -> GreyImage:

@@ -6,16 +6,18 @@ import logging
 import time
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ..camera import Camera, Intrinsics
+from ..features.frontend import Frontend, make_frontend
 from ..photo import Photo
 from ..render.view import ViewRenderer
 from .final import final_stage
 from .lens import LensCamera, LensMode
 from .loop import LOOP_SHARE, Answer, Loop
-from .observe import Frontend, Query, make_query
+from .observe import Query, make_query
 from .report import IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .settings import RefineSettings
 from .solution import Solution, from_epipolar
@@ -59,16 +61,25 @@ def iterate_refinement(renderer: ViewRenderer, photo: Photo, camera: Camera, set
     `camera` is the start: its intrinsics belong to the photo at its full size (see `photo.check_size`), its pose is
     world-to-camera in the splat file's coordinates. Closing the generator cancels; nothing outside it is touched.
     """
+    with make_frontend(settings) as frontend:
+        return (yield from _refine_with(frontend, renderer, photo, camera, settings))
+
+
+def _refine_with(
+    frontend: Frontend, renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings
+) -> Progress:
     began = time.perf_counter()
     job = _Job(renderer, photo, camera, settings, lens_mode(settings, camera))
-    frontend = Frontend()
-    query = make_query(photo, camera.intrinsics, settings.long_side_px, frontend)
+    look = partial(make_query, photo, camera.intrinsics, settings.long_side_px)
+    loop, query = Loop(renderer, settings, frontend, job.mode, look), look(frontend)
     records: list[IterationRecord] = []
+    if len(query.features) < MIN_PHOTO_FEATURES:
+        loop, query = loop.stronger(query, 0, 1)
     if len(query.features) < MIN_PHOTO_FEATURES:
         reason = f"The photo shows only {len(query.features)} features; it is too dark, blurred or plain to be placed."
         return job.report(None, "failed", (reason,), records, began)
     rng = np.random.default_rng(settings.seed)
-    outcome = yield from Loop(renderer, settings, frontend, job.mode).run(query, camera.pose, records, rng)
+    outcome = yield from loop.run(query, camera.pose, records, rng)
     answer = outcome.answer
     if answer is None:
         return job.report(None, "failed", (outcome.problem,), records, began)

@@ -30,6 +30,10 @@ class RefineSettings:
     perturb_translation_units: the same deviation in scene units, where the scan's unit is known (paper: metres); 0 = the ratio.
     perturb_rotation_deg: deviation of the candidates' rotation about each axis.
     threads: views rendered and matched side by side, 0 = one per core.
+    features: the local features, a name of the registry, or auto: SIFT, and ALIKED takes over where that finds no answer.
+    matcher: how features are paired, a name of the registry.
+    model: network file (.onnx) of learned features.
+    matcher_model: network file (.onnx) of a learned matcher.
     Raises RefineError when a number is outside its range.
     """
 
@@ -46,6 +50,10 @@ class RefineSettings:
     perturb_translation_units: float = 0.0
     perturb_rotation_deg: float = 0.5
     threads: int = 0
+    features: str = "sift"
+    matcher: str = "nearest"
+    model: str = ""
+    matcher_model: str = ""
 
     def __post_init__(self) -> None:
         ranges: dict[str, tuple[float, float]] = {

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera import FloatArray, Pose
+from ..features.frontend import Frontend
 from .consistency import consensus_pose
 from .depth_pnp import pnp_pose
 from .epipolar import EpipolarFit, epipolar_residuals, measure_epipolar, refine_epipolar
 from .matches import BoolArray, ViewMatches, bearings, world_points
-from .observe import Frontend, Observation, Query, align_matches
+from .observe import Observation, Query, align_matches
 from .two_view import TwoViewPose, two_view_pose
 
 MIN_VIEW_INLIERS = 15  # an essential matrix on fewer is as often chance as geometry

@@ -2,51 +2,85 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 
 from ..errors import SplatFormatError
-from . import ply
+from . import ply, ply_2dgs, ply_compressed, ply_mip, splat, spz
+from .format import SplatFormat, SplatInfo
 from .scene import GaussianScene
+from .unknown import name_of
 
-__all__ = ["READERS", "GaussianScene", "check_splat_file", "read_splats"]
+__all__ = [
+    "FORMATS",
+    "SUFFIXES",
+    "GaussianScene",
+    "SplatFormat",
+    "SplatInfo",
+    "check_splat_file",
+    "inspect_splats",
+    "read_splats",
+]
 
-READERS: dict[str, ModuleType] = {"ply": ply}  # each has detect(header) -> bool and read(path, progress) -> GaussianScene
-DETECT_BYTES = 4096
+# Asked in this order: the special .ply layouts before the plain one, which takes every .ply; .splat last, having no mark.
+FORMATS: tuple[SplatFormat, ...] = (
+    ply_compressed.FORMAT,
+    ply_mip.FORMAT,
+    ply_2dgs.FORMAT,
+    ply.FORMAT,
+    spz.FORMAT,
+    splat.FORMAT,
+)
+SUFFIXES = tuple(dict.fromkeys(found.suffix for found in FORMATS))
+KNOWN = ", ".join(SUFFIXES)
+DETECT_BYTES = 1 << 14
 
 
 def read_splats(path: str | Path, progress: Callable[[float], None] | None = None) -> GaussianScene:
-    """The scene in the file `path`, whatever its format; `progress` is called with a fraction 0..1.
+    """The scene in the file `path`, whose content tells its format; `progress` is called with a fraction 0..1.
 
     Raises SplatFormatError with one sentence when the file is missing, unreadable or no splat scene.
     """
     path = Path(path)
-    reader = check_splat_file(path)
-    try:
-        scene: GaussianScene = reader.read(path, progress)
-        return scene
-    except MemoryError:
-        raise SplatFormatError(f"The splat file '{path.name}' does not fit into memory; use a smaller scan.") from None
-    except OSError as error:
-        raise SplatFormatError(f"The splat file '{path}' cannot be read ({error.strerror}); check its permissions.") from error
+    found = check_splat_file(path)
+    with _file_errors(path):
+        return found.read(path, progress)
 
 
-def check_splat_file(path: str | Path) -> ModuleType:
-    """The reader of the file `path`, from its first bytes alone. Raises SplatFormatError as `read_splats` does."""
+def inspect_splats(path: str | Path) -> SplatInfo:
+    """What the file's header says, without reading the Gaussians. Raises SplatFormatError as `read_splats` does."""
+    path = Path(path)
+    found = check_splat_file(path)
+    with _file_errors(path):
+        return found.inspect(path)
+
+
+def check_splat_file(path: str | Path) -> SplatFormat:
+    """The format of the file `path`, from its first bytes alone. Raises SplatFormatError as `read_splats` does."""
     path = Path(path)
     if path.is_dir():
-        raise SplatFormatError(f"'{path}' is a folder; choose a splat file such as a .ply inside it.")
+        raise SplatFormatError(f"'{path}' is a folder; choose a splat file ({KNOWN}) inside it.")
+    with _file_errors(path), open(path, "rb") as file:
+        header = file.read(DETECT_BYTES)
+    if not header:
+        raise SplatFormatError(f"The splat file '{path}' is empty (0 bytes); copy or export it again.")
+    found = next((one for one in FORMATS if one.detect(header)), None)
+    if found is None:
+        raise SplatFormatError(
+            f"'{path.name}' is {name_of(header)}, not a splat file of a known format; choose a Gaussian splat ({KNOWN})."
+        )
+    return found
+
+
+@contextmanager
+def _file_errors(path: Path) -> Iterator[None]:
+    """What the file system and the memory refuse, as SplatFormatError."""
     try:
-        with open(path, "rb") as file:
-            header = file.read(DETECT_BYTES)
+        yield
+    except MemoryError:
+        raise SplatFormatError(f"The splat file '{path.name}' does not fit into memory; use a smaller scan.") from None
     except FileNotFoundError:
         raise SplatFormatError(f"There is no splat file at '{path}'; check the path.") from None
     except OSError as error:
         raise SplatFormatError(f"The splat file '{path}' cannot be read ({error.strerror}); check its permissions.") from error
-    if not header:
-        raise SplatFormatError(f"The splat file '{path}' is empty (0 bytes); copy or export it again.")
-    reader = next((module for module in READERS.values() if module.detect(header)), None)
-    if reader is None:
-        raise SplatFormatError(f"'{path.name}' is not a splat file of a known format; choose a Gaussian splat .ply.")
-    return reader

@@ -85,7 +85,7 @@ def _skip_lists(file: IO[bytes], byte_order: str, element: PlyElement) -> None:
 
 
 def _binary_chunks(file: IO[bytes], row: np.dtype[np.void], count: int, columns: list[int]) -> Iterator[Float32Array]:
-    step = max(1, CHUNK_BYTES // row.itemsize)
+    step = max(1, min(count, CHUNK_BYTES // row.itemsize))
     buffer = np.empty(step * row.itemsize, np.uint8)
     out = np.empty((step, len(columns)), np.float32)
     fields = [field[0] for field in (row.fields or {}).values()]

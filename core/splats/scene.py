@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..conventions import Orientation
 from ..errors import SplatFormatError
 
 Float32Array = NDArray[np.float32]
@@ -21,6 +22,7 @@ class GaussianScene:
     means (N, 3); scales (N, 3) linear standard deviations; rotations (N, 4) unit quaternions w x y z; opacities (N,) in 0..1;
     sh (N, K, 3) spherical-harmonics coefficients (colour last), K = 1, 4, 9 or 16 for degree 0..3.
     `dropped` counts Gaussians left out on reading because a value was not finite; `format` names the source format.
+    `orientation` is which way the file's axes point by the convention of its format: the importer's default, nothing more.
     Raises SplatFormatError when shapes disagree.
     """
 
@@ -31,6 +33,7 @@ class GaussianScene:
     sh: Float32Array
     dropped: int = 0
     format: str = ""
+    orientation: Orientation = "Y_DOWN"
 
     def __post_init__(self) -> None:
         n = len(self.means)

@@ -16,6 +16,7 @@ from core.camera_files import camera_from_dict
 from core.cli import build_parser, main
 from core.commands.flags import settings_from
 from core.commands.render import output_names
+from core.features.registry import EXTRACTORS, MATCHERS
 from core.pose.settings import RefineSettings
 from core.render import render_reference
 from core.splats import read_splats
@@ -186,6 +187,40 @@ def test_a_caller_may_add_options_and_gets_the_outcome(place, tmp_path, capsys):
     assert [c.file for c in outcome.cameras] == ["photo_0.png"]
 
 
+def test_features_lists_all_with_the_reason_when_not(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(EXTRACTORS, "orb", replace(EXTRACTORS["orb"], opencv="xfeatures2d.NEVER"))
+    (tmp_path / "any.onnx").write_text("x")
+    code, out, err = run(capsys, "features", "--model", tmp_path / "any.onnx", "--model", tmp_path / "no.onnx")
+    assert (code, err) == (0, "")
+    lines = {line.split()[0]: line for line in out.splitlines()}
+    assert {*EXTRACTORS, *MATCHERS, "auto"} <= set(lines)
+    assert "available" in lines["sift"] and "available" in lines["nearest"]
+    assert "needs a model file (--model" in lines["aliked"]
+    assert "needs a model file (--matcher-model" in lines["lightglue"]
+    assert "has no cv2.xfeatures2d.NEVER" in lines["orb"]
+    assert "not one of the known models" in out and "no such file" in out
+
+
+def test_features_knows_no_scene_to_save(capsys):
+    added, seen = [], []
+    options = lambda parser: added.append(parser.prog)  # noqa: E731
+    assert main(["features"], add_options=options, on_outcome=lambda *outcome: seen.append(outcome)) == 0
+    assert len(added) == 4
+    assert seen == []
+
+
+@pytest.mark.parametrize("name", ["akaze", "orb"])
+def test_other_features_find_the_camera_too(place, tmp_path, capsys, name):
+    cam = place.json(tmp_path / "cam.json", place.starts[:1])
+    arguments = [place.scene, place.folder / "photo_0.png", "--camera", cam, *FAST, "--features", name]
+    code, out, _ = run(capsys, "refine", *arguments)
+    result = json.loads(out)
+    assert code == 0
+    found = camera_from_dict(result)
+    before, after = (pose_error(p, place.truths[0].pose) for p in (place.starts[0].pose, found.pose))
+    assert after[0] < 0.3 * before[0]
+
+
 # ---- mistakes: exit 2, one sentence, nothing written
 
 
@@ -204,6 +239,10 @@ def mistakes(place, tmp):
         "no camera": (["refine", scene, photo], "required: --camera"),
         "word for a number": ([*refine, "--seed", "x"], "--seed"),
         "out of range": ([*refine, "--iterations", "0"], "option iterations is 0"),
+        "unknown features": ([*refine, "--features", "surf"], "--features"),
+        "features without a model": ([*refine, "--features", "aliked"], "ALIKED needs a model file"),
+        "model that is not there": ([*refine, "--features", "aliked", "--model", tmp / "no.onnx"], "There is no model file at"),
+        "model that is none": ([*refine, "--features", "aliked", "--model", tmp / "text.jpg"], "'text.jpg' does not work"),
         "missing scene": (["refine", tmp / "no.ply", photo, "--camera", cam], "There is no splat file at"),
         "mesh": (["refine", tmp / "mesh.ply", photo, "--camera", cam], "holds a mesh"),
         "missing photo": (["refine", scene, tmp / "no.jpg", "--camera", cam], "There is no photo at"),

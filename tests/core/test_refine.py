@@ -188,3 +188,51 @@ def test_a_worse_answer_than_the_start_is_not_handed_back(room, photo, monkeypat
     assert report.camera is start and report.verdict in ("check", "failed")
     if report.verdict == "check":
         assert "kept" in report.reasons[0]
+
+
+@pytest.mark.parametrize("final", ["joint", "epipolar", "depth", "none"])
+def test_every_last_stage_comes_home(room, photo, final):
+    report = refine(room, photo, Camera(LENS, _start(0.05, 4.0)), RefineSettings(final=final))
+    distance, degrees = pose_error(report.camera.pose, TRUTH)
+    assert report.verdict == "trusted", report.reasons
+    assert distance < 0.001 * DEPTH and degrees < 0.06
+    assert report.stage == ("loop" if final == "none" else final)
+
+
+@pytest.mark.parametrize("wrong", [0.75, 1.25])
+def test_a_guessed_focal_length_is_solved_for(room, photo, wrong):
+    """A quarter off, as a guess may be; the ratio of fx to fy is the camera's and stays."""
+    guess = replace(LENS, fx=LENS.fx * wrong, fy=LENS.fy * wrong)
+    report = refine(room, photo, Camera(guess, _start(0.05, 4.0), "p.png", focal_guessed=True))
+    distance, degrees = pose_error(report.camera.pose, TRUTH)
+    assert report.verdict == "trusted" and report.lens == "focal", report.reasons
+    assert distance < 0.01 * DEPTH and degrees < 0.1
+    k = report.camera.intrinsics
+    assert k.fx == pytest.approx(LENS.fx, rel=5e-3) and k.fx / k.fy == pytest.approx(LENS.fx / LENS.fy)
+    assert not report.camera.focal_guessed
+    assert 0 < report.quality.focal_std < 1
+
+
+def test_the_whole_lens_is_solved_for(room, photo):
+    """Told of no distortion and a shifted centre, it finds both."""
+    guess = replace(LENS.pinhole(), cx=LENS.cx + 4, cy=LENS.cy - 3)
+    settings = RefineSettings(lens="full", iterations=6)
+    report = refine(room, photo, Camera(guess, _start(0.03, 2.0)), settings)
+    plain = refine(room, photo, Camera(guess, _start(0.03, 2.0)), replace(settings, lens="fixed"))
+    k = report.camera.intrinsics
+    assert k.dist[0] == pytest.approx(LENS.dist[0], abs=0.02)
+    assert abs(k.cx - LENS.cx) < 2 and abs(k.cy - LENS.cy) < 2
+    assert pose_error(report.camera.pose, TRUTH)[0] < 0.5 * pose_error(plain.camera.pose, TRUTH)[0]
+
+
+def test_a_wrong_focal_length_held_fixed_is_not_trusted(room, photo):
+    guess = replace(LENS, fx=LENS.fx * 1.25, fy=LENS.fy * 1.25)
+    report = refine(room, photo, Camera(guess, _start(0.05, 4.0)))
+    assert report.verdict != "trusted"
+    assert report.camera.intrinsics == guess
+
+
+@pytest.mark.parametrize("bad", [{"final": "best"}, {"lens": "zoom"}])
+def test_words_that_are_no_option_are_refused(bad):
+    with pytest.raises(RefineError, match="give one of auto"):
+        RefineSettings(**bad)

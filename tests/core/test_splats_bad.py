@@ -40,7 +40,7 @@ RAW = raw_table(3)
 LISTED = ply_bytes(RAW).replace(b"property float nx", b"property list uchar float nx")
 CASES = {
     "empty": (b"", "is empty (0 bytes)"),
-    "not a ply": (b"\x89PNG\r\n\x1a\n" + bytes(100), "is not a splat file of a known format"),
+    "not a ply": (b"\x89PNG\r\n\x1a\n" + bytes(100), "is a PNG picture, not a splat file of a known format"),
     "no end of header": (b"ply\nformat ascii 1.0\nelement vertex 3\n", "no end_header line"),
     "no format": (b"ply\nelement vertex 3\nproperty float x\nend_header\n", "no format line"),
     "unknown format": (b"ply\nformat binary_middle_endian 1.0\nend_header\n", "'binary_middle_endian' is unknown"),
@@ -51,7 +51,7 @@ CASES = {
     "no vertices": (b"ply\nformat ascii 1.0\nelement face 1\nproperty int a\nend_header\n1\n", "mesh or plain points"),
     "compressed": (
         b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty uint packed_position\nend_header\n\0\0\0\0",
-        "compressed splat .ply (packed_position)",
+        "has no element 'chunk'",
     ),
     "no scales": (ply_bytes(without("scale_1", "scale_2")), "lacks the properties scale_1, scale_2"),
     "zero Gaussians": (ply_bytes({n: v[:0] for n, v in RAW.items()}), "holds zero Gaussians"),

@@ -64,7 +64,7 @@ def set_up():
 def escape():
     """Measured with the splat drawn as a box: without a graphics card one redraw of all points outlasts the limit."""
     before = camera_state()
-    bpy.context.scene.gssmc.splat.display_type = "BOUNDS"
+    bpy.context.scene.gssmc.splat.gssmc.show_as = "BOX"
     yield 2.0
     in_view(bpy.ops.gssmc.refine, "INVOKE_DEFAULT")
     yield 1.0
@@ -77,7 +77,7 @@ def escape():
     print(f"Esc took {time.time() - pressed:.2f} s", flush=True)
     assert time.time() - pressed < 1.0
     assert camera_state() == before
-    bpy.context.scene.gssmc.splat.display_type = "TEXTURED"
+    bpy.context.scene.gssmc.splat.gssmc.show_as = "SPLATS"
     yield 2.0
     shot("extra-5-cancelled.png")
 

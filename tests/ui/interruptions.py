@@ -30,7 +30,7 @@ def in_view(operator, *args, **kwargs):
 def set_up():
     """Splat and photo, with one undo step after each as the user interface makes them."""
     in_view(bpy.ops.gssmc.import_splats, filepath=HERE + "/scene.ply", show_colours=False)
-    bpy.context.scene.gssmc.splat.display_type = "BOUNDS"  # without a graphics card, drawing all points delays everything
+    bpy.context.scene.gssmc.splat.gssmc.show_as = "BOX"  # without a graphics card, drawing splats delays everything
     bpy.ops.ed.undo_push(message="import")
     in_view(bpy.ops.gssmc.add_photo, filepath=HERE + "/photo.jpg", camera="NEW", camera_file=HERE + "/cameras.json")
     bpy.ops.ed.undo_push(message="photo")

@@ -15,8 +15,10 @@ def traces(bpy):
         for handler in getattr(bpy.app.handlers, kind)
         if "gssmc" in getattr(handler, "__module__", "")
     }
-    properties = {cls for cls in ("Scene", "Camera", "WindowManager") if "gssmc" in getattr(bpy.types, cls).bl_rna.properties}
-    menu = {f.__name__ for f in bpy.types.TOPBAR_MT_file_import._dyn_ui_initialize() if "gssmc" in f.__module__}
+    owners = ("Scene", "Camera", "Object", "WindowManager")
+    properties = {cls for cls in owners if "gssmc" in getattr(bpy.types, cls).bl_rna.properties}
+    menus = (bpy.types.TOPBAR_MT_file_import, bpy.types.TOPBAR_MT_file_export)
+    menu = {f.__name__ for menu in menus for f in menu._dyn_ui_initialize() if "gssmc" in f.__module__}
     return types, handlers, properties, menu
 
 
@@ -32,6 +34,12 @@ def test_nothing_is_left_and_all_comes_back(bpy):
             bpy.ops.gssmc.import_splats(filepath="")
         assert addon_utils.enable(MODULE) is not None
         assert traces(bpy) == before
+
+
+def test_every_operator_has_a_tooltip(bpy):
+    names = [name for name in dir(bpy.ops.gssmc) if not name.startswith("_")]
+    assert len(names) > 10
+    assert [n for n in names if len(getattr(bpy.ops.gssmc, n).get_rna_type().description) < 10] == []
 
 
 def test_settings_have_the_engines_defaults(bpy, extension):

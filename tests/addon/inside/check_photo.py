@@ -17,7 +17,7 @@ def focal_px(camera, width, height):
 
 def test_makes_a_camera_with_the_photo_behind_it(bpy, tmp_path):
     photo = write_photo(tmp_path / "a.jpg", 60, 90, focal_35mm=28)
-    assert bpy.ops.gssmc.add_photo(filepath=str(photo)) == {"FINISHED"}
+    assert bpy.ops.gssmc.add_photo(filepath=str(photo), set_resolution=True) == {"FINISHED"}
     camera = bpy.context.scene.camera
     (background,) = camera.data.background_images
     assert camera.data.show_background_images
@@ -55,11 +55,32 @@ def test_resolution_of_the_same_shape_stays(bpy, tmp_path):
     assert (render.resolution_x, render.resolution_y) == (600, 900)
 
 
-def test_resolution_can_be_kept(bpy, tmp_path):
+def test_resolution_stays_unless_ticked(bpy, tmp_path, extension):
+    """The lens is then set for a photo that lies in the middle of the frame."""
     render = bpy.context.scene.render
     before = render.resolution_x, render.resolution_y
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png", 60, 90)), set_resolution=False)
-    assert (render.resolution_x, render.resolution_y) == before
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.jpg", 60, 90, focal_35mm=28)))
+    assert (render.resolution_x, render.resolution_y) == before == (1920, 1080)
+    focal_photo = 28 * np.hypot(60, 90) / DIAGONAL_35MM
+    camera = bpy.context.scene.camera
+    assert focal_px(camera, *before) == pytest.approx(focal_photo * 1080 / 90, rel=1e-5)
+
+
+def test_a_lens_is_a_guess_unless_a_camera_file_says_otherwise(bpy, tmp_path, splat_file):
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    photo = str(write_photo(tmp_path / "a.png"))
+    ends = []
+    pose = {"file": "a.png", "R": np.eye(3).tolist(), "t": [0, 0, 2.0]}
+    for name, write in (
+        ("whole", write_cameras),
+        ("guessed", lambda path: write_cameras(path, focal_guessed=True)),
+        ("pose", lambda path: path.write_text(json.dumps(pose))),
+    ):
+        write(tmp_path / f"{name}.json")
+        bpy.ops.gssmc.add_photo(filepath=photo, camera="NEW", camera_file=str(tmp_path / f"{name}.json"))
+        ends.append(bpy.context.scene.camera.data.gssmc.lens_calibrated)
+    bpy.ops.gssmc.add_photo(filepath=photo, camera="NEW")
+    assert [*ends, bpy.context.scene.camera.data.gssmc.lens_calibrated] == [True, False, False, False]
 
 
 def test_a_photo_with_exif_rotation_stands_upright(bpy, tmp_path):
@@ -115,7 +136,8 @@ def write_cameras(path, **changes):
 def test_a_camera_file_gives_pose_lens_and_distortion(bpy, tmp_path, splat_file):
     bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
     cameras = write_cameras(tmp_path / "cameras.json")
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera_file=str(cameras))
+    photo = str(write_photo(tmp_path / "a.png"))
+    bpy.ops.gssmc.add_photo(filepath=photo, camera_file=str(cameras), set_resolution=True)
     camera, render = bpy.context.scene.camera, bpy.context.scene.render
     bpy.context.view_layer.update()
     np.testing.assert_allclose(np.array(camera.matrix_world)[:3, 3], (-0.5, -0.25, -2.0), atol=1e-6)
@@ -184,3 +206,38 @@ def add_camera(bpy):
     bpy.context.scene.collection.objects.link(camera)
     bpy.context.scene.camera = camera
     return camera
+
+
+def write_exr(bpy, path, light):
+    """An OpenEXR file of (H, W, 4) linear values, by Blender itself."""
+    image = bpy.data.images.new("made", light.shape[1], light.shape[0], alpha=True, float_buffer=True)
+    image.pixels.foreach_set(np.ascontiguousarray(light[::-1], np.float32).ravel())
+    image.file_format, image.filepath_raw = "OPEN_EXR", str(path)
+    image.save()
+    bpy.data.images.remove(image)
+    return path
+
+
+def test_an_exr_photo_is_read_by_blender_and_handed_to_the_engine(bpy, extension, tmp_path):
+    light = np.full((40, 60, 4), 1, np.float32)
+    light[..., :3] = np.linspace(0.01, 4, 60).reshape(1, 60, 1)
+    light[:20, :, 0] = 0.01
+    path = write_exr(bpy, tmp_path / "photo.exr", light)
+    assert bpy.ops.gssmc.add_photo(filepath=str(path)) == {"FINISHED"}
+    camera = bpy.context.scene.camera
+    image = camera.data.background_images[0].image
+    assert tuple(image.size) == (60, 40)
+    photo = extension("gssmc_addon.photo_image").photo_source(image).read()
+    assert (photo.width, photo.height) == (60, 40)
+    assert photo.pixels[5, 50, 0] < 30  # the top is blue-green, and on top
+    assert photo.pixels[35, 50, 0] > 200
+    middle = (light[30, 30, 1] / np.quantile(light[..., :3].max(axis=2), 0.99)).item()
+    assert photo.pixels[30, 30, 1] == pytest.approx(255 * (1.055 * middle ** (1 / 2.4) - 0.055), abs=1.5)
+
+
+def test_a_black_exr_is_one_sentence_and_no_data(bpy, tmp_path):
+    path = write_exr(bpy, tmp_path / "black.exr", np.zeros((8, 8, 4), np.float32))
+    before = counts(bpy)
+    with pytest.raises(RuntimeError, match="black or transparent"):
+        bpy.ops.gssmc.add_photo(filepath=str(path))
+    assert counts(bpy) == before

@@ -106,9 +106,17 @@ def test_with_a_constraint_that_holds_the_camera(bpy, scene):
     refused(bpy, "Track To")
 
 
-def test_with_an_animated_camera(bpy, scene):
+def test_with_a_driven_camera(bpy, scene):
+    scene.camera.driver_add("location", 0)
+    refused(bpy, "driven")
+
+
+def test_with_an_nla_track(bpy, scene):
     scene.camera.keyframe_insert("location")
-    refused(bpy, "animated")
+    animation = scene.camera.animation_data
+    action, animation.action = animation.action, None
+    animation.nla_tracks.new().strips.new("strip", 1, action)
+    refused(bpy, "NLA")
 
 
 def test_with_a_sheared_camera(bpy, scene):

@@ -1,5 +1,7 @@
 """The built-in sample refined through the operators, with exact truth, wherever the splat object stands."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -40,3 +42,22 @@ def test_the_same_seed_gives_the_same_camera(bpy, sample):
         bpy.ops.gssmc.refine(seed=5, iterations=1)
         ends.append([x for row in bpy.context.scene.camera.matrix_world for x in row])
     assert ends[0] == ends[1]
+
+
+def test_a_guessed_focal_length_is_solved_and_written_back(bpy, sample, tmp_path):
+    """A start that is 20 % too long; the lens of the file, in a frame of another shape than the photo's."""
+    start, truth = json.loads(sample.start.read_text()), read_cameras(sample.truth)[0].intrinsics
+    start |= {"fx": 1.2 * start["fx"], "fy": 1.2 * start["fy"], "focal_guessed": True}
+    (tmp_path / "guess.json").write_text(json.dumps(start))
+    bpy.ops.gssmc.import_splats(filepath=str(sample.scene))
+    scene = bpy.context.scene
+    bpy.ops.gssmc.add_photo(filepath=str(sample.photo), camera_file=str(tmp_path / "guess.json"))
+    data = scene.camera.data
+    assert not data.gssmc.lens_calibrated
+    assert bpy.ops.gssmc.refine() == {"FINISHED"}
+    render = scene.render
+    assert (render.resolution_x, render.resolution_y) == (1920, 1080)
+    focal_in_frame = data.lens / data.sensor_width * render.resolution_x
+    assert focal_in_frame * truth.height / render.resolution_y == pytest.approx(truth.fx, rel=2e-3)
+    assert data.gssmc.lens_calibrated
+    assert data.gssmc.k1 == pytest.approx(truth.dist[0], abs=1e-6)

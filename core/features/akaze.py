@@ -1,0 +1,36 @@
+"""AKAZE: features of a non-linear scale space with binary descriptors (Alcantarilla, Nuevo and Bartoli, BMVC 2013)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .opencv import detect
+from .types import Features, Grey, Mask, no_features
+
+DESCRIPTOR_BYTES = 61
+MIN_SIDE_PX = 32  # below, the descriptor's patch does not fit
+
+
+@dataclass(frozen=True)
+class Akaze:
+    """AKAZE extractor. `max_features` keeps the strongest; `threshold` is that of the detector's response."""
+
+    max_features: int = 4000
+    threshold: float = 2e-4  # a fifth of OpenCV's default: renders are softer than photos
+
+    def extract(self, grey: Grey, mask: Mask | None = None) -> Features:
+        """Features of `grey` (H, W) uint8, descriptors (N, 61) uint8. An image without structure gives an empty set."""
+        size = (grey.shape[1], grey.shape[0])
+        if min(size) < MIN_SIDE_PX:
+            return no_features(size, DESCRIPTOR_BYTES, binary=True)
+        akaze = cv2.xfeatures2d.AKAZE.create(threshold=self.threshold)  # OpenCV 5 moved it there from cv2
+        points, descriptors = detect(akaze, grey)
+        if descriptors is None:
+            return no_features(size, DESCRIPTOR_BYTES, binary=True)
+        xy = np.array([point.pt for point in points], np.float64) + 0.5  # OpenCV puts the centre of the first pixel at 0
+        found = Features(xy, descriptors.astype(np.uint8), size)
+        strongest = np.argsort([-point.response for point in points], kind="stable")[: self.max_features]
+        return found.take(strongest).where(mask)

@@ -1,0 +1,159 @@
+"""Our side of the process that runs foreign networks: started on first use, asked one thing at a time, ended with `close`."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ..child import Child
+from ..errors import FeatureError
+from .types import Features, Grey, Mask, Matches, no_features, no_matches
+from .wire import Arrays, Header, WireError, pack_features, receive, send, unpack_features, unpack_matches
+
+log = logging.getLogger(__name__)
+
+LIMIT_S = 300.0  # for one image or pair; a graph that needs more hangs
+# Division by zero, as POSIX and Windows tell it. OpenCV 5.0 dies of it where a network finds nothing and gathers zero rows: an
+# empty answer, and no broken model.
+FOUND_NOTHING = frozenset({-8, 0xC0000094, 0xC0000094 - (1 << 32)})
+
+
+@dataclass(frozen=True)
+class Nets:
+    """What to run: registry names of extractor and matcher, "" for one that needs no network, and their model files.
+
+    `threads` for OpenCV, 0 = one per core.
+    """
+
+    extractor: str = ""
+    model: str = ""
+    matcher: str = ""
+    matcher_model: str = ""
+    threads: int = 0
+
+
+class NetProcess:
+    """The process. Thread-safe; `close` may come from another thread than the one that waits for an answer."""
+
+    def __init__(self, nets: Nets, limit_s: float = LIMIT_S, start: Callable[[str], Child] = Child) -> None:
+        self._nets = nets
+        self._limit_s = limit_s
+        self._start = start
+        self._turn = threading.Lock()  # one request at a time
+        self._guard = threading.Lock()  # of the two below
+        self._child: Child | None = None
+        self._closed = False
+
+    def ask(self, model: str, header: Header, arrays: Sequence[NDArray[Any]]) -> tuple[Header, Arrays] | None:
+        """The answer, or None where the network found nothing at all and died of it. `model` names the file in messages.
+
+        Raises FeatureError when the network does not work, ended its process, took too long, or this was closed.
+        """
+        with self._turn:
+            child = self._living()
+            late = threading.Event()
+            timer = threading.Timer(self._limit_s, _end_late, (child, late))
+            timer.daemon = True
+            timer.start()
+            try:
+                send(child.stdin, header, arrays)
+                answer = receive(child.stdout)
+            except (OSError, ValueError, WireError):
+                answer = None
+            finally:
+                timer.cancel()
+            if answer is None:
+                self._bury(child, model, late.is_set())
+                return None
+            if "error" in answer[0]:
+                raise FeatureError(f"The model '{model}' does not work: {answer[0]['error']}")
+            return answer
+
+    def close(self) -> None:
+        """Ends the process at once, also in the middle of a request; later requests are refused. Harmless when repeated."""
+        with self._guard:
+            self._closed = True
+            child, self._child = self._child, None
+        if child is not None:
+            child.kill()
+            with self._turn:  # whoever waits for an answer has left the pipes now
+                child.close()
+
+    def _living(self) -> Child:
+        with self._guard:
+            if self._closed:
+                raise FeatureError("The refinement has ended, and the model's process with it.")
+            if self._child is None:
+                try:
+                    self._child = self._start("features.net_worker")
+                    send(self._child.stdin, vars(self._nets))
+                except OSError as error:
+                    raise FeatureError(f"The process for the model cannot be started ({error.strerror or error}).") from error
+            return self._child
+
+    def _bury(self, child: Child, model: str, late: bool) -> None:
+        """Ends what is left of a child that gave no answer; raises FeatureError unless it only found nothing."""
+        with self._guard:
+            closed = self._closed
+            self._child = None
+        if closed:
+            raise FeatureError("The refinement has ended, and the model's process with it.")
+        code = child.exit_code(1.0)
+        child.kill()
+        words = child.last_words()
+        child.close()
+        if late:
+            raise FeatureError(f"The model '{model}' gave no answer in {self._limit_s:.0f} s; use another file.")
+        if code in FOUND_NOTHING:
+            log.info("%s found nothing and ended its process", model)
+            return
+        raise FeatureError(f"The model '{model}' ended the process that ran it ({words}); use another file or other features.")
+
+
+def _end_late(child: Child, late: threading.Event) -> None:
+    late.set()
+    child.kill()
+
+
+@dataclass(frozen=True)
+class RemoteExtractor:
+    """An Extractor whose network runs in `process`; `name` is its file's, for messages."""
+
+    process: NetProcess
+    name: str
+
+    def extract(self, grey: Grey, mask: Mask | None = None) -> Features:
+        """Features of `grey` (H, W) uint8. Raises FeatureError."""
+        answer = self.process.ask(self.name, {"do": "extract"}, [grey])
+        if answer is None:
+            return no_features((grey.shape[1], grey.shape[0]), 1)
+        try:
+            return unpack_features(*answer).where(mask)
+        except WireError:
+            raise FeatureError(f"The model '{self.name}' does not work: its numbers are not those of features.") from None
+
+
+@dataclass(frozen=True)
+class RemoteMatcher:
+    """A Matcher whose network runs in `process`; `name` is its file's, for messages."""
+
+    process: NetProcess
+    name: str
+
+    def match(self, a: Features, b: Features) -> Matches:
+        """Raises FeatureError."""
+        if len(a) == 0 or len(b) == 0:
+            return no_matches()
+        (head_a, arrays_a), (head_b, arrays_b) = pack_features(a), pack_features(b)
+        answer = self.process.ask(self.name, {"do": "match", "a": head_a, "b": head_b}, [*arrays_a, *arrays_b])
+        if answer is None:
+            return no_matches()
+        try:
+            return unpack_matches(answer[1], len(a), len(b))
+        except WireError:
+            raise FeatureError(f"The model '{self.name}' does not work: its numbers are no matches.") from None

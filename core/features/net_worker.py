@@ -1,0 +1,77 @@
+"""The process that runs foreign networks, started by net_process: a graph that kills it costs one request, not Blender.
+
+The first message is {"extractor", "model", "matcher", "matcher_model", "threads"}; each further one is {"do": "extract"} with a
+grey image, answered by features, or {"do": "match", "a", "b"} with two sets of features, answered by matches. What OpenCV
+refuses is answered by {"error": what it said}. The process ends when its input does, at once, whatever it is doing.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import IO
+
+import cv2
+import numpy as np
+
+from ..errors import FeatureError
+from .registry import EXTRACTORS, MATCHERS
+from .types import Extractor, Matcher
+from .wire import Arrays, Header, WireError, pack_features, receive, send, unpack_features
+
+Message = tuple[Header, Arrays]
+
+
+def main() -> int:
+    """Serve requests from stdin on stdout."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides when to end us
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # whatever a library prints must not get between the answers
+    requests: queue.SimpleQueue[Message] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(sys.stdin.buffer, requests), daemon=True).start()
+    first, _ = requests.get()
+    cv2.setNumThreads(int(first["threads"]) or os.cpu_count() or 1)
+    extractor = EXTRACTORS[first["extractor"]].make(Path(first["model"])) if first["extractor"] else None
+    matcher = MATCHERS[first["matcher"]].make(Path(first["matcher_model"])) if first["matcher"] else None
+    while True:
+        header, arrays = _answer(requests.get(), extractor, matcher)
+        send(answers, header, arrays)
+
+
+def _listen(stream: IO[bytes], requests: queue.SimpleQueue[Message]) -> None:
+    """Passes requests on; the end of the input ends the process even in the middle of a network that never comes back."""
+    try:
+        while (message := receive(stream)) is not None:
+            requests.put(message)
+    finally:
+        os._exit(0)
+
+
+def _answer(request: Message, extractor: Extractor | None, matcher: Matcher | None) -> Message:
+    header, arrays = request
+    try:
+        if header["do"] == "extract" and extractor is not None:
+            return pack_features(extractor.extract(arrays[0]))
+        if header["do"] == "match" and matcher is not None:
+            a, b = unpack_features(header["a"], arrays[:2]), unpack_features(header["b"], arrays[2:])
+            found = matcher.match(a, b)
+            return {}, [found.indices.astype(np.int64), found.similarity]
+    except cv2.error as error:
+        return {"error": f"OpenCV says: {_short(str(getattr(error, 'err', error)))}."}, []
+    except (FeatureError, WireError, ValueError, IndexError) as error:
+        return {"error": _short(str(error)) + "."}, []
+    except MemoryError:
+        return {"error": "It does not fit into memory."}, []
+    return {"error": "It was not asked for."}, []
+
+
+def _short(text: str) -> str:
+    return " ".join(text.split())[:200].rstrip(". ")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,46 @@
+"""The lens of a photo that nobody has calibrated: by its EXIF data, or by what most cameras have. A start for the solver."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from .camera import Intrinsics
+from .conventions import focal_px_from_35mm
+from .photo import Photo, photo_facts
+
+DEFAULT_FOV_DEG = 55.0  # across the long side, about 35 mm on full frame: between a phone's wide lens and a normal one
+
+
+@dataclass(frozen=True)
+class LensGuess:
+    """`intrinsics` belong to the photo at its full size; `focal_35mm` is EXIF's, None where the default was taken."""
+
+    intrinsics: Intrinsics
+    focal_35mm: float | None
+
+    @property
+    def words(self) -> str:
+        """What was assumed, as part of a sentence."""
+        if self.focal_35mm is None:
+            return f"{DEFAULT_FOV_DEG:g} degrees across the long side are assumed, for the photo tells no focal length"
+        return f"{self.focal_35mm:.3g} mm (35 mm equivalent) are taken from the photo's EXIF"
+
+
+def guess_lens(photo: Photo) -> LensGuess:
+    """The lens that a photo's own data, or else habit, suggest."""
+    return _guess(photo.width, photo.height, photo.focal_35mm)
+
+
+def guess_lens_of_file(path: Path) -> LensGuess:
+    """As `guess_lens`, of a file whose pixels need not be decoded for it. Raises PhotoError when it is no photo."""
+    return _guess(*photo_facts(path))
+
+
+def _guess(width: int, height: int, focal_35mm: float | None) -> LensGuess:
+    if focal_35mm is None:
+        focal = max(width, height) / 2 / math.tan(math.radians(DEFAULT_FOV_DEG / 2))
+    else:
+        focal = focal_px_from_35mm(focal_35mm, width, height)
+    return LensGuess(Intrinsics(width, height, focal, focal, width / 2, height / 2), focal_35mm)

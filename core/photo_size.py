@@ -1,0 +1,51 @@
+"""How many pixels a photo has, from its first bytes: before a decoder allocates room for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from .errors import PhotoError
+from .exif import tiff_size
+
+EXR_SIGNATURE = b"\x76\x2f\x31\x01"
+MAX_PIXELS = 32 << 20  # more are reduced; the method works at a long side of some hundred pixels
+LARGEST_PIXELS = 400_000_000  # more are refused
+FACTORS = (2, 4, 8)
+FRAME_MARKERS = (0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
+
+
+def check_pixels(data: bytes, name: str) -> tuple[int, int] | None:
+    """(width, height) as stored, None where the header can't be read. Raises PhotoError when that is too large for a photo."""
+    size = picture_size(data)
+    if size and size[0] * size[1] > LARGEST_PIXELS:
+        raise PhotoError(
+            f"The photo '{name}' says that it has {size[0]} x {size[1]} pixels; "
+            f"at most {LARGEST_PIXELS // 1_000_000} megapixels can be read, so save a smaller copy."
+        )
+    return size
+
+
+def reduction(size: tuple[int, int]) -> int:
+    """1, or the smallest of FACTORS that brings a photo of that size below MAX_PIXELS."""
+    pixels = size[0] * size[1]
+    return next((f for f in (1, *FACTORS) if pixels <= MAX_PIXELS * f * f), FACTORS[-1])
+
+
+def picture_size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) as stored in a JPEG, PNG, TIFF or WebP file; None where it can't be told."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
+        return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+    if data[:2] == b"\xff\xd8":
+        return next(_jpeg_frames(data), None)
+    if data[:4] == b"RIFF" and data[8:16] == b"WEBPVP8X" and len(data) >= 30:
+        return 1 + int.from_bytes(data[24:27], "little"), 1 + int.from_bytes(data[27:30], "little")
+    return tiff_size(data)
+
+
+def _jpeg_frames(data: bytes) -> Iterator[tuple[int, int]]:
+    at = 2
+    while at + 9 <= len(data) and data[at] == 0xFF:
+        if data[at + 1] in FRAME_MARKERS:
+            yield int.from_bytes(data[at + 7 : at + 9], "big"), int.from_bytes(data[at + 5 : at + 7], "big")
+            return
+        at += 1 if data[at + 1] == 0xFF else 2 + max(2, int.from_bytes(data[at + 2 : at + 4], "big"))

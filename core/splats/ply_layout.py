@@ -1,0 +1,117 @@
+"""What the .ply layouts of INRIA, 2DGS and Mip-Splatting share: a vertex element with one named number per value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..conventions import Orientation
+from ..errors import SplatFormatError
+from .activate import SceneBuilder
+from .format import Progress, SplatInfo
+from .ply_body import rows_at_most, skip_elements_before_vertex, vertex_columns
+from .ply_header import PlyElement, read_header
+from .scene import SH_COEFFICIENTS, Float32Array, GaussianScene
+
+ORIENTATION: Orientation = "Y_DOWN"  # trainers keep COLMAP's world: x right, y down, z forward (RDF)
+COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
+REST_COUNTS = tuple(3 * (k - 1) for k in SH_COEFFICIENTS)
+MARKS = (b"ply\n", b"ply\r", b"ply ")
+
+
+@dataclass(frozen=True)
+class PlyLayout:
+    """`geometry`: the properties wanted beside the colours; `to_raw` turns rows of those and of the colours, (n, G + 3 K)
+    float32, into raw rows as SceneBuilder.add takes them.
+    """
+
+    name: str
+    geometry: tuple[str, ...]
+    to_raw: Callable[[Float32Array], Float32Array] = lambda rows: rows
+
+
+def header_names(header: bytes) -> set[str]:
+    """Names of the properties in a PLY's first bytes, of all elements; empty when it is no PLY."""
+    if not header.startswith(MARKS):
+        return set()
+    lines = header.partition(b"end_header")[0].decode("latin-1").splitlines()
+    return {line.split()[-1] for line in lines if line.startswith("property ")}
+
+
+def inspect_layout(path: Path, layout: PlyLayout) -> SplatInfo:
+    """Count and degree from the header. Raises SplatFormatError as `read_layout` does for the header."""
+    with open(path, "rb") as file:
+        vertex = _gaussian_element(read_header(file).element("vertex"), layout)
+    coefficients = len(_colours(vertex)) // 3
+    return SplatInfo(layout.name, vertex.count, SH_COEFFICIENTS.index(coefficients), ORIENTATION)
+
+
+def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> GaussianScene:
+    """The scene in a file of that layout. Raises SplatFormatError, and OSError from the file system."""
+    with open(path, "rb") as file:
+        header = read_header(file)
+        vertex = _gaussian_element(header.element("vertex"), layout)
+        colours = _colours(vertex)
+        skip_elements_before_vertex(file, header)
+        builder = SceneBuilder(rows_at_most(file, header, vertex), len(colours) // 3)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for rows in vertex_columns(file, header, [*layout.geometry, *colours]):
+                builder.add(layout.to_raw(rows))
+                if progress is not None:
+                    progress(builder.seen / vertex.count)
+    if builder.seen < vertex.count:
+        raise SplatFormatError(
+            f"The file is cut off: it holds {builder.seen} of the {vertex.count} Gaussians it promises; export it again."
+        )
+    return builder.scene(layout.name, ORIENTATION)
+
+
+def _gaussian_element(vertex: PlyElement | None, layout: PlyLayout) -> PlyElement:
+    """The vertex element, checked to hold Gaussians; otherwise SplatFormatError says what the file is instead."""
+    names = [p.name for p in vertex.properties] if vertex else []
+    if vertex is None or not {"opacity", "f_dc_0", "scale_0", "rot_0"} & set(names):
+        raise SplatFormatError(
+            "The .ply holds a mesh or plain points, no Gaussians (no f_dc_0, opacity, scale_0, rot_0); choose a 3DGS file."
+        )
+    missing = [name for name in (*layout.geometry, *COLOUR) if name not in names]
+    if missing:
+        raise SplatFormatError(f"The splat .ply lacks the properties {', '.join(missing)}; export it in the INRIA 3DGS layout.")
+    if vertex.has_lists:
+        listed = next(p.name for p in vertex.properties if p.count_type)
+        raise SplatFormatError(
+            f"The vertex property '{listed}' is a list, which no splat .ply has; export it in the INRIA layout."
+        )
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise SplatFormatError(f"The PLY header lists the property '{twice}' twice; the file is damaged, so export it again.")
+    if vertex.count == 0:
+        raise SplatFormatError("The splat .ply holds zero Gaussians; export the scan again.")
+    return vertex
+
+
+def _colours(vertex: PlyElement) -> list[str]:
+    """Colour properties in the order that SceneBuilder takes."""
+    rest = rest_names([p.name for p in vertex.properties])
+    per_channel = len(rest) // 3  # f_rest is channel-major: all of R, then G, then B
+    names = []
+    for channel, dc in enumerate(COLOUR):
+        names += [dc, *rest[channel * per_channel : (channel + 1) * per_channel]]
+    return names
+
+
+def rest_names(names: list[str]) -> list[str]:
+    """f_rest_0, f_rest_1, ... of an element. Raises SplatFormatError when they make no degree or are not numbered through."""
+    rest = {name for name in names if name.startswith("f_rest_") and name[7:].isdecimal()}
+    if len(rest) not in REST_COUNTS:
+        raise SplatFormatError(
+            f"The splat .ply has {len(rest)} f_rest values per Gaussian; 0, 9, 24 or 45 (SH degree 0 to 3) are needed."
+        )
+    wanted = [f"f_rest_{i}" for i in range(len(rest))]
+    if rest != set(wanted):
+        raise SplatFormatError(
+            f"The splat .ply has {len(rest)} f_rest values that are not numbered 0 to {len(rest) - 1}; export the scan again."
+        )
+    return wanted

@@ -1,0 +1,34 @@
+"""Flicker: a timer that shows photo and render in turn in the Image Editor. It runs while the window's `flicker` is on."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import preview_images
+
+INTERVAL_S = 0.5
+
+
+def changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """The switch was turned: starts the timer; it ends by itself when it finds the switch off."""
+    if self.flicker and not bpy.app.background and not bpy.app.timers.is_registered(_toggle):
+        bpy.app.timers.register(_toggle, first_interval=INTERVAL_S, persistent=True)
+
+
+def _toggle() -> float | None:
+    own = bpy.context.window_manager.gssmc.preview
+    pair = preview_images.find("photo"), preview_images.find("render")
+    if not own.flicker or None in pair:
+        own.flicker = False
+        return None
+    for area in preview_images.editors():
+        space = area.spaces.active
+        if space.image in pair:
+            space.image = pair[0] if space.image == pair[1] else pair[1]
+            area.tag_redraw()
+    return INTERVAL_S
+
+
+def unregister() -> None:
+    if bpy.app.timers.is_registered(_toggle):
+        bpy.app.timers.unregister(_toggle)

@@ -1,0 +1,152 @@
+"""A job: work in a thread beside Blender, watched from the main thread; and a queue of such work, one item after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from ..core.errors import GssmcError, RefineError
+from .worker import Failure, Finished, Steps, Worker
+
+TICK_S = 0.1
+
+
+def redraw() -> None:
+    """Asks every 3D viewport's sidebar to draw again; not the viewport itself, which may take long with a large splat."""
+    areas = (area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == "VIEW_3D")
+    for region in (region for area in areas for region in area.regions if region.type == "UI"):
+        region.tag_redraw()
+
+
+class Job:
+    """`start()` it, then `tick()` from the main thread until that gives a result.
+
+    `status` stands in the status bar; `fraction` (0..1), `step` and `detail` are for the panel's progress bar.
+    """
+
+    status = "Working    Esc: cancel"
+
+    def __init__(self, work: Callable[[], Steps] | None = None) -> None:
+        self.cancelled = False
+        self.fraction, self.step, self.detail = 0.0, "Starting", ""
+        self._worker = Worker(work) if work else None
+
+    def start(self) -> None:
+        if self._worker:
+            self._worker.start()
+
+    def run(self) -> Any:
+        """Start to end, for callers that may block. Raises GssmcError as `tick` does."""
+        self.start()
+        try:
+            while True:
+                result = self.tick()
+                if result is not None:
+                    return result
+                self.join(TICK_S)
+        finally:
+            self.cancel()
+
+    def cancel(self) -> None:
+        """Stops the job without waiting; its thread ends by itself at its next step."""
+        self.cancelled = True
+        if self._worker:
+            self._worker.stop()
+
+    def join(self, timeout_s: float) -> bool:
+        """Waits for the thread that runs now; True when it has ended."""
+        return self._worker.join(timeout_s) if self._worker else True
+
+    def check(self) -> None:
+        """Raises GssmcError when the job cannot go on, for what it works on is gone."""
+
+    def note(self, news: Any) -> None:
+        """Takes in what a step yielded, for the progress bar."""
+
+    def tick(self) -> Any:
+        """The result once there is one. Raises GssmcError when the job cannot go on; its thread is told to stop then."""
+        try:
+            self.check()
+            for news in self._worker.news() if self._worker else ():
+                if isinstance(news, Failure):
+                    raise RefineError(news.message)
+                if isinstance(news, Finished):
+                    return news.result
+                self.note(news)
+                redraw()
+        except GssmcError:
+            self.cancel()
+            raise
+        return None
+
+
+class QueueJob(Job):
+    """`count` pieces of work, one thread after the other. What fails, fails alone; `result()` ends the job.
+
+    A piece is copied out of Blender when its turn comes and forgotten after, so the memory it takes does not add up.
+    """
+
+    def __init__(self, count: int) -> None:
+        super().__init__()
+        self.count, self.index = count, -1
+
+    def begin_item(self, index: int) -> Callable[[], Steps]:
+        """Copies item `index` out of Blender. GssmcError makes it a failure of this item."""
+        raise NotImplementedError
+
+    def end_item(self, index: int, result: Any) -> None:
+        """Takes the item's result. GssmcError makes it a failure of this item."""
+        raise NotImplementedError
+
+    def fail_item(self, index: int, message: str) -> None:
+        """Notes why the item failed."""
+        raise NotImplementedError
+
+    def result(self) -> Any:
+        raise NotImplementedError
+
+    def start(self) -> None:
+        self._next()
+
+    def tick(self) -> Any:
+        try:
+            self.check()
+        except GssmcError:
+            self.cancel()
+            raise
+        if self._worker is None:  # the item could not even begin
+            self._next()
+        for news in self._worker.news() if self._worker else ():
+            if isinstance(news, Failure):
+                self.fail_item(self.index, news.message)
+                self._next()
+            elif isinstance(news, Finished):
+                self._take(news.result)
+                self._next()
+            else:
+                self.note(news)
+            redraw()
+        return self.result() if self.index >= self.count else None
+
+    def _take(self, result: Any) -> None:
+        try:
+            self.end_item(self.index, result)
+        except GssmcError as error:
+            self.fail_item(self.index, str(error))
+
+    def _next(self) -> None:
+        """Begins the next item; one attempt, so that a long row of bad items does not hold up the window."""
+        self._worker = None
+        self.index += 1
+        if self.index >= self.count or self.cancelled:
+            return
+        self.fraction = self.index / self.count
+        try:
+            worker = Worker(self.begin_item(self.index))
+        except GssmcError as error:
+            self.fail_item(self.index, str(error))
+            return
+        self._worker = worker
+        worker.start()

@@ -1,0 +1,93 @@
+"""What every operator with a job shares: blocking in scripts and background mode, beside Blender in the window."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..core.errors import GssmcError
+from . import jobs
+from .job import Job
+
+
+class JobOperator:
+    """A mixin. The operator says what to do in `gather` and what to make of the result in `apply`."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if jobs.active():
+            cls.poll_message_set("A refinement or another job is running; wait for it or cancel it")
+            return False
+        return True
+
+    def gather(self, context: bpy.types.Context) -> Job:
+        """The job, with all its inputs copied out of Blender. Raises GssmcError."""
+        raise NotImplementedError
+
+    def apply(self, context: bpy.types.Context, job: Job, result: Any) -> set[str]:
+        """Writes the result, reports, and gives the operator's own result. Raises GssmcError, with nothing written."""
+        raise NotImplementedError
+
+    def stopped(self, context: bpy.types.Context, job: Job) -> set[str]:
+        """The operator's result when the user stopped the job."""
+        return self.refuse(context, "The work was cancelled; nothing was changed.", level="INFO")
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Blocking; the way of scripts and background mode."""
+        try:
+            job = self.gather(context)
+            return self.apply(context, job, job.run())
+        except GssmcError as error:
+            return self.refuse(context, str(error))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return self.begin(context)
+
+    def begin(self, context: bpy.types.Context) -> set[str]:
+        """Starts the job beside Blender."""
+        try:
+            job = self.gather(context)
+        except GssmcError as error:
+            return self.refuse(context, str(error))
+        self.tell(context, "")
+        jobs.begin(context, job)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        job = jobs.active()
+        if job is None:  # ended from outside: another file was opened
+            return {"CANCELLED"}
+        if event.type == "ESC" or job.cancelled:
+            job.cancel()
+            jobs.end(job)
+            return self.stopped(context, job)
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            result = job.tick()
+            if result is None:
+                return {"PASS_THROUGH"}
+            jobs.end(job)
+            return self.apply(context, job, result)
+        except GssmcError as error:
+            jobs.end(job)
+            return self.refuse(context, str(error))
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends the operator: the window closes, or another file is opened."""
+        job = jobs.active()
+        if job:
+            job.cancel()
+            jobs.end(job)
+
+    def refuse(self, context: bpy.types.Context, message: str, level: str = "ERROR") -> set[str]:
+        self.tell(context, message, level)
+        self.report({level}, message)
+        return {"CANCELLED"}
+
+    def tell(self, context: bpy.types.Context, message: str, icon: str = "INFO") -> None:
+        """The line in the panel."""
+        context.window_manager.gssmc.message = message
+        context.window_manager.gssmc.message_icon = icon

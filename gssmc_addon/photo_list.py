@@ -1,0 +1,90 @@
+"""The scene's list of photos: what is on it, and the one that is looked at."""
+
+from __future__ import annotations
+
+import bpy
+import cv2
+import numpy as np
+
+from ..core.photo import Photo
+from . import photo_camera, photo_image
+from .photo_entry import GssmcPhoto
+
+THUMBNAIL_PX = 64
+
+
+def camera_of(scene: bpy.types.Scene, entry: GssmcPhoto) -> bpy.types.Object | None:
+    """The entry's camera, None when it has none or the user has deleted it (the list keeps it alive in the file)."""
+    return entry.camera if entry.camera and entry.camera.name in scene.objects else None
+
+
+def title(entry: GssmcPhoto) -> str:
+    return entry.camera.name if entry.camera else entry.file
+
+
+def find(scene: bpy.types.Scene, camera: bpy.types.Object) -> GssmcPhoto | None:
+    """The entry of a camera."""
+    return next((entry for entry in scene.gssmc.photos if entry.camera == camera), None)
+
+
+def note(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
+    """The entry of a camera that was just given its photo; a new one where it has none yet."""
+    entry = find(scene, camera) or scene.gssmc.photos.add()
+    entry.camera, entry.error, entry.file = camera, "", ""
+    image = photo_image.camera_photo(camera)
+    if image:
+        _set_thumbnail(image, photo)
+    return entry
+
+
+def note_unreadable(scene: bpy.types.Scene, name: str, message: str) -> GssmcPhoto:
+    """A line for a photo that has no camera because it could not be used."""
+    entry = scene.gssmc.photos.add()
+    entry.file, entry.error, entry.ticked = name, message, False
+    return entry
+
+
+def files(scene: bpy.types.Scene) -> set[str]:
+    """The files of the photos that are on the list with a camera."""
+    cameras = [c for c in (camera_of(scene, entry) for entry in scene.gssmc.photos) if c]
+    images = [image for image in map(photo_image.camera_photo, cameras) if image]
+    return {bpy.path.abspath(image.filepath_raw or image.get("gssmc_file", "")) for image in images}
+
+
+def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
+    """Looks through the camera of the picked entry. False when it has none."""
+    photos, index = scene.gssmc.photos, scene.gssmc.photo_index
+    camera = camera_of(scene, photos[index]) if 0 <= index < len(photos) else None
+    if camera is None:
+        return False
+    left = photo_image.camera_photo(scene.camera) if scene.camera and scene.camera.type == "CAMERA" else None
+    image = photo_image.camera_photo(camera)
+    scene.camera = camera
+    context.view_layer.update()  # a camera that was just linked is not in it yet
+    if camera.name in context.view_layer.objects:
+        photo_camera.look_through(context, camera)
+    if left and left != image and not left.is_dirty:
+        left.buffers_free()  # going through hundreds of photos must not keep all their pixels
+    return True
+
+
+def thumbnail(entry: GssmcPhoto) -> int:
+    """The icon of an entry's photo, 0 when there is none."""
+    image = photo_image.camera_photo(entry.camera) if entry.camera else None
+    return image.preview.icon_id if image and image.preview else 0
+
+
+def _set_thumbnail(image: bpy.types.Image, photo: Photo) -> None:
+    """A small picture of our own: Blender's would read the whole photo again, and keep it."""
+    height, width = photo.pixels.shape[:2]
+    scale = THUMBNAIL_PX / max(width, height)
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    small = cv2.resize(photo.pixels, size, interpolation=cv2.INTER_AREA)
+    square = np.zeros((THUMBNAIL_PX, THUMBNAIL_PX, 4), np.float32)
+    x, y = (THUMBNAIL_PX - size[0]) // 2, (THUMBNAIL_PX - size[1]) // 2
+    square[y : y + size[1], x : x + size[0], :3] = small[::-1].astype(np.float32) / 255
+    square[y : y + size[1], x : x + size[0], 3] = 1
+    preview = image.preview_ensure()
+    for kind in ("icon", "image"):
+        setattr(preview, f"{kind}_size", (THUMBNAIL_PX, THUMBNAIL_PX))
+        getattr(preview, f"{kind}_pixels_float").foreach_set(square.ravel())

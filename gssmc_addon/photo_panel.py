@@ -1,0 +1,82 @@
+"""The list of photos in the sidebar."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import jobs, panels, photo_list, properties
+
+ROWS = 4
+
+
+class GSSMC_UL_photos(bpy.types.UIList):
+    """Tick, thumbnail, name, and what came of it."""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index) -> None:
+        row = layout.row(align=True)
+        row.prop(item, "ticked", text="")
+        picture = photo_list.thumbnail(item)
+        camera = photo_list.camera_of(context.scene, item)
+        if picture:
+            row.label(text="", icon_value=picture)
+        else:
+            row.label(text="", icon="IMAGE_DATA" if camera else "FILE_BLANK")
+        if camera:
+            row.prop(camera, "name", text="", emboss=False)
+        else:
+            row.label(text=photo_list.title(item))
+        if item.error:
+            row.label(text=item.error, icon="ERROR")
+        elif camera is None:
+            row.label(text="Camera deleted", icon="ERROR")
+        else:
+            verdict = camera.data.gssmc.verdict
+            row.label(text="", icon=properties.VERDICT_ICONS[verdict] if verdict != "NONE" else "BLANK1")
+
+    def filter_items(self, context, data, propname):
+        """By name, as the list's search field asks; the names are the cameras'."""
+        items = getattr(data, propname)
+        wanted = self.filter_name.lower()
+        flags = [self.bitflag_filter_item if wanted in photo_list.title(item).lower() else 0 for item in items]
+        return flags if wanted else [], []
+
+
+class GSSMC_PT_photos(panels._Sidebar, bpy.types.Panel):
+    bl_label = "Photos"
+    bl_parent_id = "GSSMC_PT_main"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, own = self.layout, context.scene.gssmc
+        row = layout.row()
+        row.template_list("GSSMC_UL_photos", "", own, "photos", own, "photo_index", rows=ROWS)
+        column = row.column(align=True)
+        column.operator("gssmc.add_photos", text="", icon="ADD")
+        column.operator("gssmc.remove_photo", text="", icon="REMOVE")
+        column.separator()
+        column.operator("gssmc.add_photo_folder", text="", icon="FILE_FOLDER")
+        if own.photos:
+            _draw_review(layout)
+            _draw_error(layout, context)
+        if own.photos and not jobs.active():
+            row = layout.row(align=True)
+            row.operator("gssmc.refine_all", text="Refine Ticked").which = "TICKED"
+            row.operator("gssmc.refine_all", text="Refine All").which = "ALL"
+
+
+def _draw_review(layout: bpy.types.UILayout) -> None:
+    row = layout.row(align=True)
+    row.operator("gssmc.review", text="Previous", icon="TRIA_LEFT").step = -1
+    row.operator("gssmc.review", text="Next", icon="TRIA_RIGHT").step = 1
+    unsure = row.operator("gssmc.review", text="", icon="QUESTION")
+    unsure.step, unsure.skip_trusted = 1, True
+
+
+def _draw_error(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Why the picked photo could not be read or refined, in full."""
+    own = context.scene.gssmc
+    entry = own.photos[own.photo_index] if own.photo_index < len(own.photos) else None
+    if entry and entry.error:
+        panels.draw_text(layout.box(), context, entry.error, icon="ERROR")
+
+
+classes = (GSSMC_UL_photos, GSSMC_PT_photos)

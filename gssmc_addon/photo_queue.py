@@ -1,0 +1,188 @@
+"""Many photos: their files made into cameras, and their cameras refined, one after the other beside Blender."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import bpy
+
+from ..core.errors import RefineError
+from ..core.photo import Photo, read_photo
+from ..core.pose.report import RefineProgress, RefineReport
+from ..core.pose.settings import RefineSettings
+from . import jobs, photo_camera, photo_image, photo_list, splat_object
+from .job import QueueJob
+from .photo_entry import GssmcPhoto
+from .splat_renderer import SplatRenderer
+from .worker import Steps, refinement
+
+SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".exr")
+
+
+def photos_in(folder: Path) -> list[Path]:
+    """The photo files right in a folder, by name. Raises RefineError when there are none."""
+    if not folder.is_dir():
+        raise RefineError(f"There is no folder at '{folder}'; choose the folder of the photos.")
+    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file())
+    if not found:
+        raise RefineError(f"The folder '{folder.name}' holds no photos (JPEG, PNG, TIFF, WebP or OpenEXR).")
+    return found
+
+
+def _decoded(read: Callable[[], Photo]) -> Steps:
+    """Steps that read a photo."""
+    yield "Reading"
+    return read()
+
+
+class AddPhotosJob(QueueJob):
+    """Reads the photos and gives each a camera. Its result is the job itself: `added` cameras and `failed` (file, why)."""
+
+    status = "Adding photos    Esc: stop"
+
+    def __init__(self, scene: bpy.types.Scene, paths: Sequence[Path], camera_file: str) -> None:
+        super().__init__(len(paths))
+        self.paths, self.camera_file = paths, camera_file
+        self.added: list[int] = []  # session ids of the cameras
+        self.failed: list[tuple[str, str]] = []
+        self._scene = scene.session_uid
+
+    def check(self) -> None:
+        if bpy.context.scene.session_uid != self._scene:
+            raise RefineError("Another scene was opened while photos were added; go back to the scene and add the rest.")
+
+    def begin_item(self, index: int) -> Callable[[], Steps]:
+        path = self.paths[index]
+        self.step, self.detail = path.name, f"Photo {index + 1} of {self.count}"
+        if photo_image.is_linear(str(path)):  # only Blender decodes it, and only here
+            photo = photo_image.read_any_photo(str(path))
+            return partial(_decoded, lambda: photo)
+        return partial(_decoded, partial(read_photo, path))
+
+    def end_item(self, index: int, photo: Photo) -> None:
+        context, path = bpy.context, str(self.paths[index])
+        given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
+        image = photo_image.load_image(path, photo)
+        image["gssmc_file"] = path  # a packed copy does not know where it came from
+        camera = photo_camera.choose_camera(context, "NEW", self.paths[index].name)
+        photo_camera.fit_camera(context, camera, photo, image, given, set_resolution=False)
+        photo_list.note(context.scene, camera, photo)
+        if not image.is_dirty:
+            image.buffers_free()
+        self.added.append(camera.session_uid)
+
+    def fail_item(self, index: int, message: str) -> None:
+        self.failed.append((self.paths[index].name, message))
+
+    def result(self) -> AddPhotosJob:
+        return self
+
+
+class RefineQueue(QueueJob):
+    """Refines the cameras of the list one after the other against one renderer; each is written when it is done.
+
+    Its result is the job itself: `verdicts` counts them, and `failed` holds (camera, why) of those that could not begin.
+    """
+
+    status = "Refining the photos    Esc: stop"
+
+    def __init__(self, scene: bpy.types.Scene, entries: Sequence[GssmcPhoto], settings: RefineSettings) -> None:
+        super().__init__(len(entries))
+        self.settings = settings
+        self.verdicts: Counter[str] = Counter()
+        self.failed: list[tuple[str, str]] = []
+        self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
+        self._cameras = [(entry.camera.session_uid, entry.camera.name) for entry in entries]
+        self._renderer = SplatRenderer(splat_object.copy_splat(scene.gssmc.splat))
+        self._targets: jobs.Targets | None = None
+
+    def check(self) -> None:
+        scene = jobs.by_uid(bpy.data.scenes, self._scene)
+        if scene is None or jobs.by_uid(scene.objects, self._splat) is None:
+            raise RefineError(
+                "The splat or its scene was removed while photos were refined; those done before keep their result."
+            )
+
+    def begin_item(self, index: int) -> Callable[[], Steps]:
+        uid, name = self._cameras[index]
+        self.step, self.detail = name, f"Photo {index + 1} of {self.count}"
+        scene = jobs.by_uid(bpy.data.scenes, self._scene)
+        splat, camera = jobs.by_uid(scene.objects, self._splat), jobs.by_uid(scene.objects, uid)
+        if camera is None:
+            raise RefineError(f'The camera "{name}" is no longer in the scene; nothing was changed.')
+        photo = photo_image.camera_photo(camera)
+        job = jobs.gather(scene, splat, camera, photo, self.settings, self._renderer)
+        self._targets = job.targets
+        if photo and photo.has_data and not photo.is_dirty and camera != scene.camera:
+            photo.buffers_free()  # OpenEXR is decoded by Blender, which would keep the pixels of every photo
+        return partial(refinement, job.inputs)
+
+    def note(self, news: RefineProgress) -> None:
+        self.fraction = (self.index + news.fraction) / self.count
+
+    def end_item(self, index: int, report: RefineReport) -> None:
+        jobs.apply_report(self._targets, report)
+        self.verdicts[report.verdict] += 1
+        entry = self._entry(index)
+        if entry:
+            entry.error = ""
+
+    def fail_item(self, index: int, message: str) -> None:
+        self.failed.append((self._cameras[index][1], message))
+        entry = self._entry(index)
+        if entry:
+            entry.error = message
+
+    def result(self) -> RefineQueue:
+        return self
+
+    @property
+    def refined(self) -> int:
+        """How many cameras were moved."""
+        return self.verdicts["trusted"] + self.verdicts["check"]
+
+    def summary(self) -> str:
+        """One sentence on all of them."""
+        words = [f"{self.verdicts[word]} {word}" for word in ("trusted", "check", "failed") if self.verdicts[word]]
+        if self.failed:
+            words.append(f"{len(self.failed)} could not be refined")
+        done = self.verdicts.total() + len(self.failed)
+        first = f" {self.failed[0][1]}" if self.failed else ""
+        return f"{done} of {self.count} photo{'s' if self.count != 1 else ''}: {', '.join(words) or 'none done'}.{first}"
+
+    def _entry(self, index: int) -> GssmcPhoto | None:
+        scene, uid = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[index][0]
+        return next((e for e in scene.gssmc.photos if e.camera and e.camera.session_uid == uid), None)
+
+
+def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
+    """The entries with a camera: ALL, the TICKED, or those OPEN, whose camera is not trusted yet.
+
+    Raises GssmcError when there are none.
+    """
+    with_camera = [entry for entry in scene.gssmc.photos if photo_list.camera_of(scene, entry)]
+    if not with_camera:
+        raise RefineError("There are no photos on the list; use Add Photos first.")
+    wanted = {
+        "ALL": lambda entry: True,
+        "TICKED": lambda entry: entry.ticked,
+        "OPEN": lambda entry: entry.camera.data.gssmc.verdict != "TRUSTED",
+    }[which]
+    found = [entry for entry in with_camera if wanted(entry)]
+    if not found:
+        raise RefineError(
+            "No photo is ticked; tick some in the list." if which == "TICKED" else "All photos are trusted already."
+        )
+    return found
+
+
+def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings) -> RefineQueue:
+    """The queue of the list's photos. Raises GssmcError when there is no splat or nothing to refine."""
+    entries = entries_to_refine(scene, which)
+    splat = scene.gssmc.splat
+    if splat is None or splat.name not in scene.objects:
+        raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
+    return RefineQueue(scene, entries, settings)

@@ -1,0 +1,37 @@
+"""Moving plates in the sidebar."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import jobs, panels, photo_image
+from .plate_source import MOVING
+
+
+class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
+    bl_label = "Moving Plate"
+    bl_parent_id = "GSSMC_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, camera = self.layout, context.scene.camera
+        camera = camera if camera and camera.type == "CAMERA" else None
+        layout.operator("gssmc.add_plate", icon="FILE_MOVIE")
+        if not camera or not _moves(camera):
+            panels.draw_text(layout, context, "Add a movie or an image sequence, go to a frame and bring the camera there.")
+            return
+        if not jobs.active():
+            layout.operator("gssmc.refine_sequence", text="Refine Plate...", icon="CAMERA_DATA")
+        if camera.data.gssmc.bad_frames:
+            panels.draw_text(layout.box(), context, f"Bad frames: {camera.data.gssmc.bad_frames}", icon="ERROR")
+
+
+def _moves(camera: bpy.types.Object) -> bool:
+    """Whether the camera has a plate; cheap, for it is asked at every redraw."""
+    image = photo_image.camera_photo(camera)
+    if image:
+        return image.source in MOVING
+    return any(slot.source == "MOVIE_CLIP" and slot.clip for slot in camera.data.background_images)
+
+
+classes = (GSSMC_PT_plate,)

@@ -1,0 +1,107 @@
+"""Moving plates inside Blender: which frame of a sequence or movie a camera shows at a frame of the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+
+from ..core.errors import PhotoError
+from ..core.photo import Photo
+from ..core.plate import DIGITS, Plate, open_plate
+from . import photo_image
+from .photo_image import PhotoSource
+
+MOVING = ("SEQUENCE", "MOVIE")
+
+
+@dataclass(frozen=True)
+class FrameSource:
+    """One frame of a plate; read like a PhotoSource."""
+
+    plate: Plate
+    number: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.plate.path.name} {self.number}"
+
+    @property
+    def path(self) -> str:
+        return str(self.plate.path)
+
+    def read(self) -> Photo:
+        """Decodes the frame; needs no Blender. Raises PhotoError."""
+        return self.plate.read(self.number)
+
+
+@dataclass(frozen=True)
+class MovingPhoto:
+    """A camera's plate: frame f of the scene shows frame f + `offset` of it, which exists from `first` to `last`."""
+
+    plate: Plate
+    offset: int
+    first: int
+    last: int
+
+    @property
+    def scene_range(self) -> tuple[int, int]:
+        """The frames of the scene that it covers."""
+        return self.first - self.offset, self.last - self.offset
+
+    def at(self, frame: int) -> FrameSource:
+        return FrameSource(self.plate, frame + self.offset)
+
+
+def moving_photo(camera: bpy.types.Object) -> MovingPhoto | None:
+    """The camera's plate: an image sequence, a movie or a movie clip among its photo and backgrounds; None when it has none.
+
+    Raises PhotoError when its file is gone.
+    """
+    image = photo_image.camera_photo(camera)
+    slots = camera.data.background_images
+    if image and image.source in MOVING:
+        user = next((slot.image_user for slot in slots if slot.image == image), None)
+        return _of_image(image, user)
+    clip = next((slot.clip for slot in slots if slot.source == "MOVIE_CLIP" and slot.clip), None)
+    return _of_clip(clip) if clip and image is None else None
+
+
+def _of_image(image: bpy.types.Image, user: bpy.types.ImageUser | None) -> MovingPhoto:
+    plate, first, last = open_plate(bpy.path.abspath(image.filepath, library=image.library))
+    if user is None:
+        return MovingPhoto(plate, first - 1, first, last)
+    offset = user.frame_offset + 1 - user.frame_start
+    low, high = user.frame_offset + 1, user.frame_offset + user.frame_duration
+    return MovingPhoto(plate, offset, max(first, low), min(last, high))
+
+
+def _of_clip(clip: bpy.types.MovieClip) -> MovingPhoto:
+    plate, first, last = open_plate(bpy.path.abspath(clip.filepath, library=clip.library))
+    here = 1 if plate.is_movie else int(DIGITS.search(plate.path.stem).group())
+    return MovingPhoto(plate, here - clip.frame_start + clip.frame_offset, first, last)
+
+
+def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> PhotoSource | FrameSource:
+    """Where the engine finds the camera's photo: the current frame where it moves. Raises PhotoError."""
+    if photo.source not in MOVING:
+        return photo_image.photo_source(photo)
+    plate = moving_photo(camera)
+    if plate is None:
+        raise PhotoError(f'The image "{photo.name}" is not shown behind its camera; pick it as the photo again.')
+    return plate.at(scene.frame_current)
+
+
+def load(path: Path, is_movie: bool) -> bpy.types.Image:
+    """The plate as a Blender image."""
+    image = bpy.data.images.load(str(path), check_existing=False)
+    image.source = "MOVIE" if is_movie else "SEQUENCE"
+    return image
+
+
+def set_frames(data: bpy.types.Camera, image: bpy.types.Image, start: int, first: int, last: int) -> None:
+    """Makes the background of `image` show the plate's first frame at frame `start` of the scene."""
+    user = next(slot.image_user for slot in data.background_images if slot.image == image)
+    user.frame_start, user.frame_offset, user.frame_duration = start, first - 1, last - first + 1
+    user.use_auto_refresh = True

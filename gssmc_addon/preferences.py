@@ -1,0 +1,161 @@
+"""Preferences: threads, memory, default preset, log file, and the model files of learned features with their download."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
+
+from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ..core.memory import machine_bytes
+from ..core.models import KNOWN, KnownModel, find_model, recognise
+from . import log_file
+
+PACKAGE = __package__.rpartition(".")[0]  # the extension's own, by which Blender keeps its preferences
+LEARNED = {name: kind for name, kind in {**EXTRACTORS, **MATCHERS}.items() if kind.needs_model}
+ONLINE_HINT = "Downloads need Allow Online Access in Preferences > System"
+NO_ADDRESS = "No address is set: put the file in by hand, or ask your studio where its models lie"
+AUTO_MODEL = "aliked"
+PRESET_ITEMS = (
+    ("NONE", "Standard", "GS-SMC's own settings, for scans of any unit"),
+    ("7scenes", "7-Scenes", "The paper's settings for rooms; the scan's unit must be the metre"),
+    ("cambridge", "Cambridge", "The paper's settings for outdoors; the scan's unit must be the metre"),
+)
+_log_trouble = [""]  # what is wrong with the log file
+
+
+def of(context: bpy.types.Context) -> bpy.types.AddonPreferences | None:
+    """The extension's preferences; None while it is not enabled in them."""
+    addon = context.preferences.addons.get(PACKAGE)
+    return addon.preferences if addon else None
+
+
+def memory_limit(context: bpy.types.Context) -> int:
+    """Bytes that a refinement may take: the preference, else the machine's memory; 0 when neither is known."""
+    own = of(context)
+    return int(own.memory_limit_gb * 1e9) if own and own.memory_limit_gb else machine_bytes()
+
+
+def threads(context: bpy.types.Context, wanted: int) -> int:
+    """The scene's number of threads, where that is 0 the preference's."""
+    own = of(context)
+    return wanted or (own.threads if own else 0)
+
+
+def preset(context: bpy.types.Context) -> str:
+    """The preset that new scenes begin with; "NONE" for the standard settings."""
+    own = of(context)
+    return own.default_preset if own else "NONE"
+
+
+def model_folder(create: bool = False) -> Path:
+    """Where downloaded models lie: in the user's own folder of this extension, which outlives updates."""
+    return Path(bpy.utils.extension_path_user(PACKAGE, path="models", create=create))
+
+
+def model_for(context: bpy.types.Context, name: str) -> str:
+    """The model file for the features or matcher `name`: the one picked, else one that was downloaded; "" for none."""
+    name = AUTO_MODEL if name == AUTO else name
+    if name not in LEARNED:
+        return ""
+    own = of(context)
+    picked = getattr(own, f"model_{name}") if own else ""
+    if picked:
+        return bpy.path.abspath(picked)
+    found = find_model(model_folder(), name)
+    return str(found) if found else ""
+
+
+def describe(path: str) -> tuple[str, str]:
+    """What a picked file is, and an icon for it."""
+    file = Path(bpy.path.abspath(path))
+    if not file.is_file():
+        return "There is no such file", "ERROR"
+    known = recognise(file)
+    if known is None:
+        return "Not one of the known models; it may work", "QUESTION"
+    return f"{known.title}, {known.licence}", "CHECKMARK"
+
+
+def _log_changed(self: GSSMC_AP_preferences, context: bpy.types.Context) -> None:
+    _log_trouble[0] = log_file.set_file(self.log_file)
+
+
+class GSSMC_AP_preferences(bpy.types.AddonPreferences):
+    bl_idname = PACKAGE
+
+    __annotations__ = {
+        "threads": IntProperty(
+            name="Threads", min=0, max=256, description="Views drawn side by side where a scene says 0; 0: one per core"
+        ),
+        "memory_limit_gb": FloatProperty(
+            name="Memory Limit (GB)",
+            min=0.0,
+            precision=1,
+            description="A refinement that would take more is refused; 0: the machine's memory, where the system tells it",
+        ),
+        "default_preset": EnumProperty(
+            name="Default Preset", items=PRESET_ITEMS, description="Settings of a scene when it gets its first splat"
+        ),
+        "log_file": StringProperty(
+            name="Log File", subtype="FILE_PATH", update=_log_changed, description="Where the engine's log goes; empty: nowhere"
+        ),
+        **{
+            f"model_{name}": StringProperty(
+                name=kind.title,
+                subtype="FILE_PATH",
+                description=f"Network file (.onnx) for {kind.title}; empty: a downloaded one, where there is one",
+            )
+            for name, kind in LEARNED.items()
+        },
+        "base_url": StringProperty(
+            name="Address",
+            description="Web address of a folder that holds the model files by their names; this project publishes none",
+        ),
+    }
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        column = layout.column()
+        for name in ("threads", "memory_limit_gb", "default_preset", "log_file"):
+            column.prop(self, name)
+        if _log_trouble[0] and self.log_file:
+            column.label(text=_log_trouble[0], icon="ERROR")
+        column.operator("gssmc.report_problem", icon="COPYDOWN")
+        layout.label(text="SIFT, AKAZE and ORB need nothing. Learned features need a model file each:")
+        for name in LEARNED:
+            column = layout.column(align=True)
+            column.prop(self, f"model_{name}")
+            if path := getattr(self, f"model_{name}"):
+                text, icon = describe(path)
+                column.label(text=text, icon=icon)
+        box = layout.box()
+        box.label(text="Download Models", icon="IMPORT")
+        box.prop(self, "base_url")
+        if not bpy.app.online_access:
+            box.label(text=ONLINE_HINT, icon="INFO")
+        elif not self.base_url.strip():
+            box.label(text=NO_ADDRESS, icon="INFO")
+        for model in KNOWN:
+            _draw_model(box, model)
+
+
+def _draw_model(layout: bpy.types.UILayout, model: KnownModel) -> None:
+    row = layout.row()
+    there = (model_folder() / model.name).is_file()
+    row.label(text=f"{model.title}: {model.licence}, {model.bytes / 1e6:.1f} MB", icon="CHECKMARK" if there else "BLANK1")
+    row.operator("gssmc.download_model", text="Download Again" if there else "Download").model = model.name
+
+
+classes = (GSSMC_AP_preferences,)
+
+
+def register() -> None:
+    """Opens the log file that was set in an earlier session."""
+    own = of(bpy.context)
+    _log_trouble[0] = log_file.set_file(own.log_file) if own else ""
+
+
+def unregister() -> None:
+    log_file.stop()

@@ -1,0 +1,94 @@
+"""The pictures of a preview as Blender images: photo, render and what is made of them, found again by a mark on each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+
+from ..core.compare_pictures import Comparison, Image, decode_png, encode_png
+
+MARK, KEY = "gssmc_preview", "gssmc_key"
+NAMES = {"picture": "GS-SMC Preview", "photo": "GS-SMC Photo", "render": "GS-SMC Render"}
+
+
+def find(kind: str) -> bpy.types.Image | None:
+    """The image of a kind ("picture", "photo" or "render"), whatever the user called it since."""
+    return next((image for image in bpy.data.images if image.get(MARK) == kind), None)
+
+
+def put(kind: str, png: bytes, size: tuple[int, int], key: str = "") -> bpy.types.Image:
+    """Makes the PNG the image of its kind. Packed, for an image that is only painted would come back black from undo."""
+    image = find(kind)
+    if image is None:
+        image = bpy.data.images.new(NAMES[kind], *size)
+        image[MARK] = kind
+        image.alpha_mode = "NONE"  # alpha of the render only tells where the scan has something
+    image.pack(data=png, data_len=len(png))
+    image.source = "FILE"
+    image.buffers_free()
+    image[KEY] = key
+    return image
+
+
+def put_pair(pair: Comparison, key: str) -> None:
+    """Keeps photo and render for other styles of the same view."""
+    size = (pair.photo.shape[1], pair.photo.shape[0])
+    alpha = np.where(pair.solid, 255, 0).astype(np.uint8)[..., None]
+    put("photo", encode_png(pair.photo), size, key)
+    put("render", encode_png(np.concatenate([pair.render, alpha], axis=2)), size, key)
+
+
+def packed_pair(key: str) -> tuple[bytes, bytes] | None:
+    """The kept photo and render of the view `key` as PNG, None when the view is another one."""
+    images = [find("photo"), find("render")]
+    if any(image is None or image.get(KEY) != key or not image.packed_file for image in images):
+        return None
+    return bytes(images[0].packed_file.data), bytes(images[1].packed_file.data)
+
+
+def unpack_pair(packed: tuple[bytes, bytes]) -> Comparison | None:
+    """The pair of `packed_pair`; needs no Blender. None when its pictures were replaced by others."""
+    photo, render = (decode_png(data) for data in packed)
+    if photo is None or render is None or render.shape[2] != 4 or photo.shape[:2] != render.shape[:2]:
+        return None
+    return Comparison(photo[..., :3], np.ascontiguousarray(render[..., :3]), render[..., 3] > 0)
+
+
+def put_picture(picture: Image) -> bpy.types.Image:
+    return put("picture", encode_png(picture), (picture.shape[1], picture.shape[0]))
+
+
+def editors() -> Iterator[bpy.types.Area]:
+    """Every open Image Editor, the UV Editor not among them."""
+    for window in bpy.context.window_manager.windows:
+        yield from (area for area in window.screen.areas if area.ui_type == "IMAGE_EDITOR")
+
+
+def show(image: bpy.types.Image) -> bool:
+    """Shows the image in the Image Editor that shows one of ours, else in the largest one. False when none is open."""
+    areas = sorted(editors(), key=lambda area: area.width * area.height, reverse=True)
+    if not areas:
+        return False
+    ours = [area for area in areas if _is_ours(area.spaces.active.image)]
+    area = (ours or areas)[0]
+    area.spaces.active.image = image
+    area.tag_redraw()
+    return True
+
+
+def _is_ours(image: bpy.types.Image | None) -> bool:
+    return image is not None and MARK in image
+
+
+def set_behind(data: bpy.types.Camera, image: bpy.types.Image | None) -> None:
+    """Makes `image` the camera's preview background; None takes the preview away. The photo's own background stays."""
+    slots = [slot for slot in data.background_images if _is_ours(slot.image)]
+    if image is None:
+        for slot in slots:
+            data.background_images.remove(slot)
+        return
+    slot = slots[0] if slots else data.background_images.new()
+    slot.image, slot.alpha, slot.frame_method, slot.display_depth = image, 1.0, "FIT", "FRONT"
+    slot.show_background_image = data.show_background_images = True

@@ -1,0 +1,186 @@
+"""See the fit: the splat rendered through a camera and set against its photo, in a thread; the last pair is kept."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import bpy
+import numpy as np
+
+from ..core import compare_pictures
+from ..core.camera import Camera, Intrinsics, Pose
+from ..core.compare_pictures import Comparison, DrawnMatches, Image
+from ..core.errors import GssmcError, RefineError
+from ..core.photo import Photo, check_size
+from ..core.pose.settings import RefineSettings
+from ..core.render import Renderer
+from ..core.render.view import RenderedView
+from . import camera_bridge, photo_image, plate_source, preview_images, splat_object
+from .camera_bridge import CameraCopy
+from .job import Job
+from .photo_image import PhotoSource
+from .splat_renderer import SplatRenderer
+from .worker import Steps
+
+
+@dataclass(frozen=True)
+class PreviewOptions:
+    """As in preview_options."""
+
+    style: str
+    position: float
+    long_side_px: int
+
+
+@dataclass(frozen=True)
+class PreviewInputs:
+    """Everything a preview needs, copied out of Blender. `kept` is the pair of this view as PNG where there is one; `splat` is
+    None where that is enough.
+    """
+
+    options: PreviewOptions
+    photo: PhotoSource
+    camera: CameraCopy
+    settings: RefineSettings
+    splat: SplatRenderer | None
+    kept: tuple[bytes, bytes] | None
+    key: str
+
+
+@dataclass(frozen=True)
+class Preview:
+    """The picture, the pair it was made of, and whether that was drawn anew."""
+
+    picture: Image
+    pair: Comparison
+    new: bool
+    matches: DrawnMatches | None = None
+
+
+class PreviewJob(Job):
+    """Its result is a Preview."""
+
+    status = "Rendering the preview    Esc: cancel"
+
+    def __init__(self, inputs: PreviewInputs) -> None:
+        super().__init__(partial(_steps, inputs, lambda: self.cancelled))
+        self.inputs = inputs
+
+    def note(self, news: tuple[str, float]) -> None:
+        self.step, self.fraction = news
+
+
+@dataclass(frozen=True)
+class _Stoppable:
+    """A renderer that gives up in the middle of a view when the job is cancelled."""
+
+    renderer: Renderer
+    should_stop: Callable[[], bool]
+
+    def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
+        return self.renderer.render(intrinsics, pose, self.should_stop)
+
+
+def _steps(inputs: PreviewInputs, stopped: Callable[[], bool]) -> Steps:
+    options = inputs.options
+    pair = preview_images.unpack_pair(inputs.kept) if inputs.kept else None
+    new = pair is None
+    if pair is not None and options.style != "MATCHES":
+        yield "Composing", 0.9
+        return Preview(compose(options, pair), pair, False)
+    yield "Reading the photo", 0.05
+    photo, camera = _at_preview_size(inputs)
+    yield "Preparing the splat", 0.15
+    if inputs.splat is None:
+        raise RefineError("The kept pictures of the preview are gone; press Preview again.")
+    renderer = _Stoppable(inputs.splat.get(), stopped)
+    if pair is None:
+        yield "Rendering the splat", 0.35
+        pair = Comparison(photo.pixels, *compare_pictures.render_photo_like(renderer, camera))
+    matches = None
+    if options.style == "MATCHES":
+        from ..core.pose.look import matches_at
+
+        yield "Matching", 0.7
+        matches = matches_at(renderer, photo, camera, inputs.settings)
+    return Preview(compose(options, pair, matches), pair, new, matches)
+
+
+def _at_preview_size(inputs: PreviewInputs) -> tuple[Photo, Camera]:
+    photo = inputs.photo.read()
+    camera = inputs.camera.at_size(photo.width, photo.height)
+    camera = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
+    return compare_pictures.at_long_side(photo, camera, inputs.options.long_side_px)
+
+
+def compose(options: PreviewOptions, pair: Comparison, matches: DrawnMatches | None = None) -> Image:
+    """The picture of a style; for the flicker, which is two, the render."""
+    if options.style == "WIPE":
+        return compare_pictures.wipe(pair, options.position)
+    if options.style == "MATCHES" and matches is not None:
+        return compare_pictures.matched(pair, matches)
+    if options.style.lower() in compare_pictures.STYLES:
+        return compare_pictures.STYLES[options.style.lower()](pair)
+    return pair.render
+
+
+def gather(
+    context: bpy.types.Context, camera: bpy.types.Object | None, options: PreviewOptions, settings: RefineSettings
+) -> PreviewJob:
+    """Copies the inputs. Raises GssmcError, with what to do, when something is missing or unfit."""
+    scene, splat = context.scene, context.scene.gssmc.splat
+    if splat is None or splat.name not in scene.objects:
+        raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
+    photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
+    if photo is None:
+        raise RefineError("The scene's camera has no photo; use Add Photo in the GS-SMC panel.")
+    copy, source = camera_bridge.read_camera(scene, camera, splat), plate_source.source_at(scene, camera, photo)
+    key = view_key(copy, source, splat, options)
+    kept = preview_images.packed_pair(key)
+    needed = kept is None or options.style == "MATCHES"
+    renderer = SplatRenderer(splat_object.copy_splat(splat), threads=0) if needed else None
+    return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key))
+
+
+def view_key(copy: CameraCopy, source: PhotoSource, splat: bpy.types.Object, options: PreviewOptions) -> str:
+    """Tells one view from another, so that changing the style does not render again."""
+    numbers = np.concatenate([copy.pose.R.ravel(), copy.pose.t, copy.dist])
+    parts = (
+        numbers.tobytes(),
+        copy.lens,
+        source.name,
+        source.path,
+        splat.session_uid,
+        len(splat.data.points),
+        options.long_side_px,
+    )
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def options_of(own: bpy.types.PropertyGroup) -> PreviewOptions:
+    return PreviewOptions(own.style, own.position, own.long_side_px)
+
+
+def restyle(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """The panel's style or wipe was changed: the shown picture is made anew where photo and render of this view are kept."""
+    camera, splat = context.scene.camera, context.scene.gssmc.splat
+    self.flicker = False
+    if self.style in ("FLICKER", "MATCHES") or not camera or camera.type != "CAMERA" or not splat_object.is_splat(splat):
+        return
+    options, photo = options_of(self), photo_image.camera_photo(camera)
+    if photo is None:
+        return
+    try:
+        copy, source = (
+            camera_bridge.read_camera(context.scene, camera, splat),
+            plate_source.source_at(context.scene, camera, photo),
+        )
+    except GssmcError:
+        return  # the button says what is wrong
+    kept = preview_images.packed_pair(view_key(copy, source, splat, options))
+    pair = preview_images.unpack_pair(kept) if kept else None
+    if pair is not None:
+        preview_images.show(preview_images.put_picture(compose(options, pair)))

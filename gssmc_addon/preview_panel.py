@@ -1,0 +1,33 @@
+"""The preview in the sidebar."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import jobs, panels, photo_image, preview_options
+
+
+class GSSMC_PT_preview(panels._Sidebar, bpy.types.Panel):
+    bl_label = "See the Fit"
+    bl_parent_id = "GSSMC_PT_main"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        camera = context.scene.camera
+        return camera is not None and camera.type == "CAMERA" and photo_image.camera_photo(camera) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, own = self.layout, context.window_manager.gssmc.preview
+        column = layout.column(align=True)
+        column.prop(own, "style", text="")
+        if own.style == "WIPE":
+            column.prop(own, "position", slider=True)
+        if own.style in preview_options.BACKGROUND:
+            layout.prop(own, "background")
+        if own.flicker:
+            layout.prop(own, "flicker", toggle=True, icon="PAUSE")
+        if not jobs.active():
+            layout.operator("gssmc.preview", icon="IMAGE_RGB")
+
+
+classes = (GSSMC_PT_preview,)

@@ -1,0 +1,128 @@
+"""A moving plate refined: every Nth frame in a queue, each from its neighbour's answer, and the keys that come of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from statistics import median
+
+import bpy
+
+from ..core import sequence
+from ..core.camera import Camera
+from ..core.errors import PhotoError, RefineError
+from ..core.pose.report import RefineProgress, RefineReport
+from ..core.pose.settings import RefineSettings
+from ..core.sequence import FramePose
+from . import camera_bridge, jobs, plate_source, splat_object
+from .job import QueueJob
+from .splat_renderer import SplatRenderer
+from .worker import RefineInputs, Steps, refinement
+
+DOUBT = 0.25  # weight of a frame whose verdict is "check"
+SHOWN_FRAMES = 12
+
+
+@dataclass(frozen=True)
+class SequenceOptions:
+    """Frames of the scene from `start` to `end` by `step`; `smooth_frames`: shorter wiggles are taken out."""
+
+    start: int
+    end: int
+    step: int
+    smooth_frames: float
+    every_frame: bool
+    key_lens: bool
+
+
+class SequenceJob(QueueJob):
+    """Refines the frames outward from the current one. Its result is the job itself; `path()` makes the keys of it."""
+
+    status = "Refining the plate    Esc: cancel"
+
+    def __init__(
+        self, scene: bpy.types.Scene, camera: bpy.types.Object, options: SequenceOptions, settings: RefineSettings
+    ) -> None:
+        self._plate = plate_source.moving_photo(camera)
+        if self._plate is None:
+            raise PhotoError(f'The camera "{camera.name}" has no image sequence or movie; use Add Plate in the GS-SMC panel.')
+        splat = scene.gssmc.splat
+        frames = sequence.keyframes(options.start, options.end, options.step)
+        super().__init__(len(frames))
+        self.options, self.settings, self.camera_name = options, settings, camera.name
+        self.order = sequence.outward(frames, scene.frame_current)
+        self.reports: dict[int, RefineReport] = {}
+        self.bad: dict[int, str] = {}
+        self._uids = scene.session_uid, splat.session_uid, camera.session_uid
+        self._copy = camera_bridge.read_camera(scene, camera, splat)
+        self._renderer = SplatRenderer(splat_object.copy_splat(splat))
+
+    def find(self) -> tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Object]:
+        """The live scene, splat and camera. Raises RefineError when something is gone."""
+        scene = jobs.by_uid(bpy.data.scenes, self._uids[0])
+        splat, camera = (jobs.by_uid(scene.objects, uid) if scene else None for uid in self._uids[1:])
+        if splat is None or camera is None:
+            raise RefineError("The splat or the camera was removed while the plate was refined; nothing was changed.")
+        return scene, splat, camera
+
+    def check(self) -> None:
+        self.find()
+
+    def begin_item(self, index: int) -> Callable[[], Steps]:
+        frame = self.order[index]
+        self.step, self.detail = f"Frame {frame}", f"{index + 1} of {self.count} frames"
+        near = sequence.nearest(frame, self.reports)
+        start = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
+        return partial(refinement, RefineInputs(self._renderer, self._plate.at(frame), start, self.settings))
+
+    def note(self, news: RefineProgress) -> None:
+        self.fraction = (self.index + news.fraction) / self.count
+
+    def end_item(self, index: int, report: RefineReport) -> None:
+        frame = self.order[index]
+        if report.verdict == "failed":
+            self.bad[frame] = report.reasons[0] if report.reasons else "No camera was found."
+        else:
+            self.reports[frame] = report
+
+    def fail_item(self, index: int, message: str) -> None:
+        self.bad[self.order[index]] = message
+
+    def result(self) -> SequenceJob:
+        return self
+
+    def path(self) -> dict[int, Camera]:
+        """The cameras to key, by frame; strays join the bad frames. Raises RefineError when no frame is good."""
+        track = [FramePose(f, r.camera.pose, 1.0 if r.verdict == "trusted" else DOUBT) for f, r in sorted(self.reports.items())]
+        depths = [r.quality.median_depth for r in self.reports.values() if r.quality]
+        for frame in sequence.stray_frames(track, median(depths)) if depths else ():
+            self.bad[frame] = "Its camera lies off the path of the other frames."
+        track = [point for point in track if point.frame not in self.bad]
+        if not track:
+            first = next(iter(self.bad.values()), "")
+            raise RefineError(f"No frame of the plate could be refined; nothing was changed. {first}")
+        poses = sequence.smooth(track, self.options.smooth_frames)
+        frames = [point.frame for point in track]
+        lenses = [self.reports[frame].camera for frame in frames]
+        if self.options.every_frame and len(track) > 1:
+            smoothed = [FramePose(frame, pose) for frame, pose in zip(frames, poses, strict=True)]
+            filled = list(range(frames[0], frames[-1] + 1))
+            lenses = [self.reports[sequence.nearest(frame, frames)].camera for frame in filled]
+            frames, poses = filled, sequence.interpolate(smoothed, filled)
+        return {frame: replace(lens, pose=pose) for frame, lens, pose in zip(frames, lenses, poses, strict=True)}
+
+    def summary(self) -> str:
+        """One or two sentences on all frames."""
+        good = self.count - len(self.bad)
+        words = f"{good} of {self.count} frames of the plate were refined."
+        if self.bad:
+            words += f" Bad and not keyed: {frame_list(self.bad)}."
+        return words
+
+
+def frame_list(frames: dict[int, str]) -> str:
+    """The frames in words, the first dozen of them."""
+    numbers = sorted(frames)
+    more = f" and {len(numbers) - SHOWN_FRAMES} more" if len(numbers) > SHOWN_FRAMES else ""
+    return ", ".join(map(str, numbers[:SHOWN_FRAMES])) + more

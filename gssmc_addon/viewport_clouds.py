@@ -1,0 +1,112 @@
+"""The splats that the viewport knows: from a point cloud's attributes to textures, without holding the window up.
+
+Blender's memory is read one attribute per tick in the main thread; tables are built in the back thread; textures are sent one
+per redraw. A checksum tells real changes from Blender's many other reasons to call a point cloud updated.
+"""
+
+from __future__ import annotations
+
+import itertools
+import zlib
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..core.errors import SplatFormatError
+from . import splat_object
+from .viewport_data import SplatTables, build_tables
+from .viewport_gpu import SplatTextures
+from .viewport_thread import BackThread
+
+ATTRIBUTES = (("position", 3), ("scale", 3), ("rotation", 4), (splat_object.BASE, 4))
+LIMIT = 4096 * 16384  # what tables of the usual largest texture hold
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Tables with the checksum of the arrays that they were made of."""
+
+    tables: SplatTables | None  # None: the arrays are the ones known already
+    checksum: int
+
+
+def prepare(arrays: tuple[np.ndarray, ...], known: int | None = None) -> Prepared:
+    """Tables of means, scales, rotations and base; fit for a worker thread."""
+    checksum = 0
+    for array in arrays:
+        checksum = zlib.crc32(np.ascontiguousarray(array, np.float32), checksum)
+    return Prepared(None if checksum == known else build_tables(*arrays, LIMIT), checksum)
+
+
+@dataclass
+class _Cloud:
+    textures: SplatTextures | None = None
+    checksum: int | None = None
+    stale: bool = True
+    reading: list[np.ndarray] | None = None  # attributes read so far
+    version: int = 0
+
+
+class Clouds:
+    """Known splats by the session id of their point cloud."""
+
+    def __init__(self, thread: BackThread) -> None:
+        self._thread = thread
+        self._clouds: dict[int, _Cloud] = {}
+        self._versions = itertools.count(1)  # over all splats: one that comes back by redo is never taken for another
+
+    def get(self, uid: int) -> tuple[SplatTextures | None, int]:
+        """Textures, or None until there are some, and their version; asking makes a splat known."""
+        cloud = self._clouds.setdefault(uid, _Cloud())
+        return cloud.textures, cloud.version
+
+    def accept(self, uid: int, prepared: Prepared | None) -> None:
+        """Takes over what the back thread, or an import, has prepared. None: it failed; the splat is not tried again."""
+        cloud = self._clouds.setdefault(uid, _Cloud())
+        cloud.reading = None
+        if prepared is None:
+            return
+        cloud.checksum, cloud.stale = prepared.checksum, False
+        if prepared.tables is not None:
+            cloud.textures = SplatTextures(prepared.tables)
+            cloud.version = next(self._versions)
+
+    def mark_stale(self, uid: int) -> None:
+        cloud = self._clouds.get(uid)
+        if cloud:
+            cloud.stale = True
+
+    def mark_all_stale(self) -> None:
+        for cloud in self._clouds.values():
+            cloud.stale = True
+
+    def step(self) -> bool:
+        """Reads one attribute of one splat that needs it, and forgets splats that are gone; True while there is more to do."""
+        living = {cloud.session_uid: cloud for cloud in bpy.data.pointclouds}
+        for uid in [uid for uid in self._clouds if uid not in living]:
+            del self._clouds[uid]
+        for uid, cloud in self._clouds.items():
+            if cloud.stale:
+                self._read(uid, cloud, living[uid])
+                return True
+        return False
+
+    def _read(self, uid: int, cloud: _Cloud, block: bpy.types.PointCloud) -> None:
+        arrays = cloud.reading or []
+        name, width = ATTRIBUTES[len(arrays)]
+        try:
+            arrays.append(splat_object.read_attribute(block, name, width))
+        except (SplatFormatError, KeyError):  # edited so that it is none any more
+            cloud.stale, cloud.reading, cloud.textures = False, None, None
+            return
+        cloud.reading = arrays
+        if len({len(array) for array in arrays}) > 1:  # points were added or removed meanwhile: from the start
+            cloud.reading = None
+        elif len(arrays) == len(ATTRIBUTES):
+            cloud.stale, cloud.reading = False, None
+            known = cloud.checksum
+            self._thread.ask(("cloud", uid), lambda: prepare(tuple(arrays), known))
+
+    def clear(self) -> None:
+        self._clouds.clear()

@@ -1,0 +1,181 @@
+"""Drawing with Blender's gpu module: shaders, textures, and the two passes of one viewport.
+
+First the splats go into a float buffer of their own, blended in display-encoded colours as they were trained, hidden by what
+the viewport says stands before them. Then the buffer goes over the viewport. viewport_canvas says when which is done.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
+
+from ..core.render.constants import LOWPASS_PX2
+from .viewport_data import TABLE_WIDTH, SplatTables
+
+SHADERS = Path(__file__).parent / "shaders"
+SQUARE = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
+VIEW_BLOCK = "struct SplatView { mat4 view_model; mat4 projection; vec2 size; float near; float boost; vec4 more; };\n"
+SLOW = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
+
+
+def is_software() -> bool:
+    """True when the processor does the graphics card's work."""
+    renderer = gpu.platform.renderer_get().lower()
+    return any(word in renderer for word in SLOW)
+
+
+def largest_count() -> int:
+    """How many Gaussians the textures can hold."""
+    side = gpu.capabilities.max_texture_size_get()
+    return TABLE_WIDTH * side if side >= TABLE_WIDTH else 0
+
+
+def texture(table: np.ndarray) -> gpu.types.GPUTexture:
+    """A float texture of a table (H, W) or (H, W, 4)."""
+    data = np.ascontiguousarray(table, np.float32)
+    buffer = gpu.types.Buffer("FLOAT", data.size, data.ravel())
+    kind = "R32F" if data.ndim == 2 else "RGBA32F"
+    return gpu.types.GPUTexture((data.shape[1], data.shape[0]), format=kind, data=buffer)
+
+
+class SplatTextures:
+    """The tables of one splat on the graphics card, sent one at a time so that no redraw takes long."""
+
+    def __init__(self, tables: SplatTables) -> None:
+        self.count, self.near, self.means = tables.count, tables.near, tables.means
+        self._left = [("place_tex", tables.place), ("shape_tex", tables.shape), ("color_tex", tables.color)]
+        self.samplers: dict[str, gpu.types.GPUTexture] = {}
+
+    @property
+    def complete(self) -> bool:
+        return not self._left
+
+    def send_next(self) -> bool:
+        """Sends one more table; True when all are there."""
+        if self._left:
+            name, table = self._left.pop()
+            self.samplers[name] = texture(table)
+        return self.complete
+
+
+@dataclass(frozen=True)
+class SplatDraw:
+    """One splat in one view: its textures, the `count` indices to draw in their order, how much to enlarge the Gaussians, the
+    object's matrix into the view, the view's projection, and `stamp`, which changes whenever `order` or textures do.
+    """
+
+    textures: SplatTextures
+    order: gpu.types.GPUTexture
+    count: int
+    boost: float
+    view_model: Matrix
+    projection: Matrix
+    stamp: Any
+
+    def key(self) -> Any:
+        matrices = (self.view_model, self.projection)
+        return self.stamp, self.count, self.boost, tuple(tuple(row) for matrix in matrices for row in matrix)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What the splats are drawn on: its size in pixels, and the viewport's depth with its pixels to one of the ground's."""
+
+    size: tuple[int, int]
+    depth: gpu.types.GPUTexture | None = None
+    depth_step: int = 1
+
+
+class Painter:
+    """The shaders; made inside a draw, where a GPU context exists. Raises what Blender raises when they do not compile."""
+
+    def __init__(self) -> None:
+        self._splat, self._overlay = _splat_shader(), _overlay_shader()
+        self._quad = batch_for_shader(self._splat, "TRI_STRIP", {"corner": SQUARE})
+        self._screen = batch_for_shader(self._overlay, "TRI_STRIP", {"corner": SQUARE})
+        self._no_depth = texture(np.ones((1, 1), np.float32))
+
+    def draw_splats(self, draw: SplatDraw, ground: Ground, part: range | None = None) -> None:
+        """Blends a splat, or a part of its ordered Gaussians, over the bound framebuffer."""
+        part = range(draw.count) if part is None else part
+        gpu.state.blend_set("ALPHA_PREMULT")
+        gpu.state.depth_test_set("NONE")
+        gpu.state.depth_mask_set(False)
+        shader = self._splat
+        shader.bind()
+        shader.uniform_sampler("depth_tex", ground.depth or self._no_depth)
+        block = _view_block(draw, ground, part.start)  # kept until the draw: the shader does not hold it
+        shader.uniform_block("view", block)
+        shader.uniform_sampler("order_tex", draw.order)
+        for name, item in draw.textures.samplers.items():
+            shader.uniform_sampler(name, item)
+        self._quad.draw_instanced(shader, instance_start=0, instance_count=len(part))
+        gpu.state.blend_set("NONE")
+
+    def lay_over(self, splats: gpu.types.GPUTexture, opacity: float) -> None:
+        """The finished splats over the bound framebuffer, stretched to its size."""
+        gpu.state.blend_set("ALPHA_PREMULT")
+        gpu.state.depth_test_set("NONE")
+        self._overlay.bind()
+        self._overlay.uniform_float("opacity", opacity)
+        self._overlay.uniform_sampler("splats_tex", splats)
+        self._screen.draw(self._overlay)
+        gpu.state.blend_set("NONE")
+
+
+def _view_block(draw: SplatDraw, ground: Ground, first: int) -> gpu.types.GPUUniformBuf:
+    near = draw.textures.near * draw.view_model.median_scale
+    depth_step = ground.depth_step if ground.depth else 0
+    values = [*_columns(draw.view_model), *_columns(draw.projection), *ground.size, near, draw.boost, depth_step, first, 0, 0]
+    return gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", len(values), np.array(values, np.float32)))
+
+
+def _columns(matrix: Matrix) -> list[float]:
+    return [value for column in matrix.transposed() for value in column]
+
+
+def read_depth() -> np.ndarray:
+    """Depth of the bound framebuffer's viewport, (height, width), 1 where nothing stands."""
+    left, bottom, width, height = gpu.state.viewport_get()
+    buffer = gpu.state.active_framebuffer_get().read_depth(left, bottom, width, height)
+    return np.array(buffer, np.float32, copy=True).reshape(height, width)
+
+
+def _splat_shader() -> gpu.types.GPUShader:
+    between = gpu.types.GPUStageInterfaceInfo("gssmc_splat_between")
+    between.smooth("VEC2", "offset")
+    between.flat("VEC4", "color")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.typedef_source(VIEW_BLOCK)  # two matrices and more exceed what push constants hold everywhere
+    info.uniform_buf(0, "SplatView", "view")
+    for slot, name in enumerate(("place_tex", "shape_tex", "color_tex", "order_tex", "depth_tex")):
+        info.sampler(slot, "FLOAT_2D", name)
+    info.define("TABLE_WIDTH", str(TABLE_WIDTH))
+    info.define("LOWPASS", str(LOWPASS_PX2))
+    info.vertex_in(0, "VEC2", "corner")
+    info.vertex_out(between)
+    return _made(info, "splat")
+
+
+def _overlay_shader() -> gpu.types.GPUShader:
+    between = gpu.types.GPUStageInterfaceInfo("gssmc_overlay_between")
+    between.smooth("VEC2", "place")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.push_constant("FLOAT", "opacity")
+    info.sampler(0, "FLOAT_2D", "splats_tex")
+    info.vertex_in(0, "VEC2", "corner")
+    info.vertex_out(between)
+    return _made(info, "overlay")
+
+
+def _made(info: gpu.types.GPUShaderCreateInfo, name: str) -> gpu.types.GPUShader:
+    info.fragment_out(0, "VEC4", "fragColor")
+    info.vertex_source((SHADERS / f"{name}.vert.glsl").read_text(encoding="utf-8"))
+    info.fragment_source((SHADERS / f"{name}.frag.glsl").read_text(encoding="utf-8"))
+    return gpu.shader.create_from_info(info)

@@ -1,0 +1,44 @@
+"""How much one redraw may draw, by how long drawing takes on this machine.
+
+While the view moves a sample of the Gaussians is drawn at once, on slow machines with fewer pixels. When it rests, all are
+drawn, in slices over as many redraws as that takes, so that the window is never held up for long.
+"""
+
+from __future__ import annotations
+
+MOVING_S = 0.04  # aimed at for the splats of a redraw while the view moves
+SLICE_S = 0.06  # and for a slice of the resting picture
+FEWEST = 10_000
+SMALLEST_SLICE = 1_000
+LARGEST = 100_000_000
+SHRINKS = (1, 2, 4)
+MOVING = {False: (250_000, 1), True: (20_000, 2)}  # to begin with, by whether the processor draws: Gaussians, shrink
+SLICE = {False: 1_000_000, True: 4_000}
+MOST_MOVING = 1_000_000
+
+
+class Budget:
+    """Learns from measured passes; one for all regions. `shrink`: pixels of the viewport to one of a moving picture's."""
+
+    def __init__(self, software: bool) -> None:
+        self.moving, self.shrink = MOVING[software]
+        self.slice = SLICE[software]
+
+    def moved(self, drawn: int, seconds: float) -> None:
+        """A moving picture of `drawn` Gaussians took `seconds`."""
+        at = SHRINKS.index(self.shrink)
+        if seconds > 2 * MOVING_S:
+            if at + 1 < len(SHRINKS):
+                self.shrink = SHRINKS[at + 1]
+            else:
+                self.moving = max(FEWEST, int(self.moving * 0.7))
+        elif seconds < 0.2 * MOVING_S and at > 0:
+            self.shrink = SHRINKS[at - 1]
+        elif seconds < 0.5 * MOVING_S and drawn >= self.moving:
+            self.moving = min(MOST_MOVING, int(self.moving * 1.3))
+
+    def sliced(self, drawn: int, seconds: float) -> None:
+        """A slice of `drawn` Gaussians took `seconds`. A short last one says nothing about longer ones."""
+        factor = min(2.0, max(0.25, SLICE_S / max(seconds, 1e-6)))
+        if factor < 1 or drawn >= self.slice:
+            self.slice = int(min(LARGEST, max(SMALLEST_SLICE, self.slice * factor)))

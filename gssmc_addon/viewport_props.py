@@ -1,0 +1,109 @@
+"""What an artist sets of a splat's look: splats, points or box, how many, how opaque. Kept on the object."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+from . import splat_object
+
+MAX_SHOWN = 1_000_000
+SHOW_ITEMS = (
+    ("SPLATS", "Splats", "Draw the Gaussians as they are"),
+    ("POINTS", "Points", "Draw a point for each Gaussian; in colour in Material Preview"),
+    ("BOX", "Box", "Draw only the box around the scan"),
+)
+_state = {"drawable": False}  # whether this Blender has a window and a graphics card that draws splats
+
+
+def set_drawable(drawable: bool) -> None:
+    _state["drawable"] = drawable
+
+
+def is_drawable() -> bool:
+    return _state["drawable"]
+
+
+def shows_splats(obj: bpy.types.Object) -> bool:
+    """True when the extension itself draws this object's Gaussians; Blender then draws its box, to click at."""
+    return obj.gssmc.show_as == "SPLATS" and obj.display_type == "BOUNDS" and splat_object.is_splat(obj)
+
+
+def apply(obj: bpy.types.Object) -> None:
+    """Sets Blender's own display of a splat object so that nothing is drawn twice, or not at all."""
+    ours = is_drawable() and not splat_object.has_native_type(obj.data)
+    box = obj.gssmc.show_as == "BOX" or (obj.gssmc.show_as == "SPLATS" and ours)
+    wanted = "BOUNDS" if box else "TEXTURED"
+    if obj.display_type != wanted and obj.is_editable:
+        obj.display_type = wanted
+
+
+def apply_all() -> None:
+    """After opening a file, which may come from another machine."""
+    for obj in bpy.data.objects:
+        if splat_object.is_splat(obj):
+            apply(obj)
+
+
+def draw_settings(layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> None:
+    """The rows of the panel for a splat object; none where Blender draws splats itself."""
+    if not splat_object.is_splat(obj) or splat_object.has_native_type(obj.data):
+        return
+    layout.row(align=True).prop(obj.gssmc, "show_as", expand=True)
+    if obj.gssmc.show_as != "SPLATS":
+        return
+    if not is_drawable():
+        layout.label(text="Drawn as points: no fit graphics here", icon="INFO")
+        return
+    row = layout.row(align=True)
+    row.prop(obj.gssmc, "max_shown")
+    row.prop(obj.gssmc, "opacity", slider=True)
+
+
+def _changed(self: GssmcObject, context: bpy.types.Context) -> None:
+    if splat_object.is_splat(self.id_data):
+        apply(self.id_data)
+
+
+class GssmcObject(bpy.types.PropertyGroup):
+    """On objects: how a splat shows in the viewport."""
+
+    __annotations__ = {
+        "show_as": EnumProperty(
+            name="Show As",
+            items=SHOW_ITEMS,
+            default="SPLATS",
+            description="How the scan shows in the viewport",
+            update=_changed,
+        ),
+        "max_shown": IntProperty(
+            name="Most",
+            description="Most Gaussians drawn in the viewport, a fair choice of all; nothing else uses this number",
+            default=MAX_SHOWN,
+            min=1000,
+            soft_max=10_000_000,
+            step=10_000,
+        ),
+        "opacity": FloatProperty(
+            name="Opacity",
+            description="Of the splats in the viewport; lower it to see what stands behind, the photo for example",
+            default=1.0,
+            min=0.0,
+            max=1.0,
+        ),
+    }
+
+
+classes = (GssmcObject,)
+
+
+def register() -> None:
+    for cls in classes:
+        bpy.utils.register_class(cls)
+    bpy.types.Object.gssmc = PointerProperty(type=GssmcObject)
+
+
+def unregister() -> None:
+    del bpy.types.Object.gssmc
+    for cls in reversed(classes):
+        bpy.utils.unregister_class(cls)

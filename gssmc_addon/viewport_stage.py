@@ -1,0 +1,209 @@
+"""What the viewports show of splats: what to draw, how much of it, when to sort, when to draw again."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+
+from . import splat_object, viewport_props
+from .viewport_canvas import Canvas, Depth
+from .viewport_clouds import Clouds
+from .viewport_data import back_to_front, boost_for, order_table
+from .viewport_gpu import Painter, SplatDraw, SplatTextures, is_software, texture
+from .viewport_lod import Budget
+from .viewport_thread import BackThread
+
+TICK_S = 0.02
+SEND_S = 0.02  # of a redraw, for tables; one table may exceed it
+SETTLED_S = 0.25  # a view that has not moved for so long is completed
+SORT_AGAIN = 1 - 1e-5  # cosine of a turn of a quarter degree
+
+
+@dataclass
+class _View:
+    """One splat in one region."""
+
+    canvas: Canvas = field(default_factory=Canvas)
+    seen: Any = None  # object to view, and projection, as drawn last
+    moved_at: float = 0.0
+    rested: bool = False  # as of the last tick
+    live: bool = True  # in the region's last redraw
+    count: int = 0  # how many are wanted
+    limit: int = 0  # how many there are to be had
+    asked: tuple[Any, ...] = ()  # direction, count and version of the order that was asked for last
+    indices: np.ndarray | None = None  # the order, farthest first
+    sent: bool = True  # false: the order is not on the graphics card yet
+    order: gpu.types.GPUTexture | None = None
+    stamp: int = 0
+    version: int = -1
+
+    def rests(self) -> bool:
+        return time.perf_counter() - self.moved_at >= SETTLED_S
+
+
+class Stage:
+    """All that is drawn, in all regions."""
+
+    def __init__(self) -> None:
+        self.thread = BackThread()
+        self.clouds = Clouds(self.thread)
+        self.painter: Painter | None = None
+        self.budget: Budget | None = None
+        self._views: dict[tuple[int, int], _View] = {}
+        self._depths: dict[int, Depth] = {}
+
+    # ---- drawing
+
+    def draw(self, context: bpy.types.Context) -> bool:
+        """Draws the splats of the region; True when there are any."""
+        shown = _shown(context)
+        living = {obj.data.session_uid for obj in shown}
+        for (region, uid), view in self._views.items():
+            if region == context.region.as_pointer():
+                view.live = uid in living
+        if not shown:
+            return False
+        if self.painter is None or self.budget is None:
+            self.painter, self.budget = Painter(), Budget(is_software())
+        depth = self._depths.setdefault(context.region.as_pointer(), Depth())
+        moved = depth.update()
+        for obj in shown:
+            view = self._views.setdefault((context.region.as_pointer(), obj.data.session_uid), _View())
+            if moved:
+                view.moved_at = time.perf_counter()
+            self._draw_one(context, obj, view, depth)
+        return True
+
+    def _draw_one(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, depth: Depth) -> None:
+        textures, version = self.clouds.get(obj.data.session_uid)
+        if textures is None:
+            return
+        region = context.region_data
+        matrix = region.view_matrix @ obj.matrix_world
+        seen = (matrix, region.window_matrix.copy())
+        if seen != view.seen:
+            view.seen, view.moved_at = seen, time.perf_counter()
+        if version != view.version:  # other Gaussians: their order is unknown
+            view.version, view.order, view.indices = version, None, None
+        self._plan(context, obj, view, textures)  # the order is found while tables are sent
+        if not _sent(textures):
+            return
+        if view.indices is not None:
+            if len(view.indices) > view.count:  # it began to move: the sample, in the order known
+                view.indices, view.sent = view.indices[view.indices < view.count], False
+            if not view.sent:
+                view.order, view.sent = texture(order_table(view.indices)), True
+                view.stamp += 1
+        if view.order is not None and view.indices is not None:
+            count = len(view.indices)
+            boost = boost_for(count, textures.count)
+            draw = SplatDraw(textures, view.order, count, boost, *seen, (version, view.stamp))
+            view.canvas.paint(self.painter, draw, depth, self.budget, count < view.limit or not view.rests())
+        view.canvas.lay_over(self.painter, obj.gssmc.opacity * _share(context))
+
+    def _plan(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, textures: SplatTextures) -> None:
+        """Decides how many to draw, and asks for their order when that or the direction has changed."""
+        view.limit = min(textures.count, obj.gssmc.max_shown)
+        view.count = view.limit if view.rests() else min(view.limit, self.budget.moving)
+        direction = np.array(view.seen[0].row[2][:3], np.float32)
+        direction /= max(float(np.linalg.norm(direction)), 1e-30)
+        if view.asked:
+            old, count, version = view.asked
+            if count == view.count and version == view.version and float(old @ direction) > SORT_AGAIN:
+                return
+        view.asked = (direction, view.count, view.version)
+        means, version = textures.means[: view.count], view.version
+        key = ("order", context.region.as_pointer(), obj.data.session_uid)
+        self.thread.ask(key, lambda: (version, back_to_front(means, direction)))
+
+    # ---- between redraws
+
+    def tick(self) -> float | None:
+        """Carries work on; seconds until the next call, None when there is nothing left to do."""
+        changed = self._take_answers()
+        busy = self.clouds.step()
+        regions = _regions()
+        for key in [key for key in self._views if key[0] not in regions]:
+            self._views.pop(key).canvas.free()
+            self._depths.pop(key[0], None)
+        for uid, view in [(key[1], view) for key, view in self._views.items() if view.live]:
+            textures, _ = self.clouds.get(uid)
+            sending = textures is not None and not textures.complete
+            completing = view.rests() and view.count < view.limit
+            changed = changed or sending or completing or view.canvas.working
+            if view.rests() and not view.rested:  # the picture that was good enough to move
+                changed = True
+            view.rested = view.rests()
+            busy = busy or not view.rested
+        if changed:
+            for region in regions.values():
+                region.tag_redraw()
+        return TICK_S if changed or busy or not self.thread.idle() else None
+
+    def _take_answers(self) -> bool:
+        found = self.thread.answers()
+        for key, result in found:
+            if key[0] == "cloud":
+                self.clouds.accept(key[1], result)
+                continue
+            view = self._views.get(key[1:])
+            if view and result and result[0] == view.version:
+                view.indices, view.sent = result[1], False
+        return bool(found)
+
+    def clear(self) -> None:
+        """Forgets every splat and frees what is on the graphics card."""
+        self.thread.stop()
+        for view in self._views.values():
+            view.canvas.free()
+        self._views.clear()
+        self._depths.clear()
+        self.clouds.clear()
+
+
+def _sent(textures: SplatTextures) -> bool:
+    """Sends tables for as long as one redraw may; True when all are on the graphics card."""
+    until = time.perf_counter() + SEND_S
+    while not textures.send_next():
+        if time.perf_counter() > until:
+            return False
+    return True
+
+
+def _shown(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """Splat objects to draw in this viewport, from the farthest to the nearest."""
+    space = context.space_data
+    if not space.show_object_viewport_pointcloud:
+        return []
+    layer, eye = context.view_layer, context.region_data.view_matrix
+    found = [
+        obj
+        for obj in layer.objects
+        if obj.type == "POINTCLOUD"
+        and viewport_props.shows_splats(obj)
+        and not splat_object.has_native_type(obj.data)
+        and obj.visible_get(view_layer=layer, viewport=space)
+    ]
+    return sorted(found, key=lambda obj: (eye @ obj.matrix_world.translation).z)
+
+
+def _share(context: bpy.types.Context) -> float:
+    """How opaque the viewport wants its objects: X-ray, and a photo before the camera, which splats must not hide."""
+    shading = context.space_data.shading
+    share = shading.xray_alpha if shading.type == "SOLID" and shading.show_xray else 1.0
+    camera = context.space_data.camera if context.region_data.view_perspective == "CAMERA" else None
+    if camera and camera.type == "CAMERA" and camera.data.show_background_images:
+        for slot in camera.data.background_images:
+            if slot.display_depth == "FRONT" and slot.show_background_image and slot.image:
+                share *= 1.0 - slot.alpha  # it is drawn already, and cannot be drawn once more over the splats
+    return share
+
+
+def _regions() -> dict[int, bpy.types.Region]:
+    areas = (area for window in bpy.context.window_manager.windows for area in window.screen.areas if area.type == "VIEW_3D")
+    return {region.as_pointer(): region for area in areas for region in area.regions if region.type == "WINDOW"}

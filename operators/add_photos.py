@@ -1,0 +1,106 @@
+"""Add Photos, Add Folder: many photographs, each with a camera of its own."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from ..core.errors import RefineError
+from ..gssmc_addon import jobs, photo_list
+from ..gssmc_addon.job_operator import JobOperator
+from ..gssmc_addon.photo_queue import AddPhotosJob, photos_in
+
+
+class _AddPhotos(JobOperator, ImportHelper):
+    """What the two ways of choosing photos share."""
+
+    __annotations__ = {
+        "directory": StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}),
+        "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
+        "camera_file": StringProperty(
+            name="Camera File",
+            subtype="FILE_PATH",
+            description="Optional JSON file of cameras; those that name a photo give it lens, distortion and start pose",
+        ),
+    }
+
+    def check(self, context):
+        return False  # ImportHelper would append a file extension
+
+    def invoke(self, context, event):
+        self._window = True
+        return ImportHelper.invoke(self, context, event)
+
+    def execute(self, context):
+        """After the file browser beside Blender; from scripts it waits."""
+        return self.begin(context) if getattr(self, "_window", False) else super().execute(context)
+
+    def gather(self, context):
+        context.view_layer.update()
+        known = photo_list.files(context.scene)
+        paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
+        if not paths:
+            raise RefineError("All of these photos are on the list already.")
+        return AddPhotosJob(context.scene, paths, self.camera_file)
+
+    def apply(self, context, job, result):
+        scene = context.scene
+        if not job.added:
+            name, message = job.failed[0] if job.failed else ("", "No photo was added.")
+            return self.refuse(context, message)
+        for name, message in job.failed:
+            photo_list.note_unreadable(scene, name, message)
+        first = jobs.by_uid(scene.objects, job.added[0])
+        scene.gssmc.photo_index = next(i for i, entry in enumerate(scene.gssmc.photos) if entry.camera == first)
+        words = [f"{len(job.added)} photo{'s' if len(job.added) != 1 else ''} added, each with its camera."]
+        if job.failed:
+            words.append(f"{len(job.failed)} could not be used; the list says why.")
+        left = job.count - len(job.added) - len(job.failed)
+        if left:
+            words.append(f"{left} were left out when you stopped.")
+        self.tell(context, "")
+        self.report({"WARNING" if job.failed else "INFO"}, " ".join(words))
+        return {"FINISHED"}
+
+    def stopped(self, context, job):
+        if job.added:
+            return self.apply(context, job, job)
+        return self.refuse(context, "Adding photos was stopped; nothing was changed.", level="INFO")
+
+
+class GSSMC_OT_add_photos(_AddPhotos, bpy.types.Operator):
+    """Load photographs; each gets a camera of its own, at the current view or where a camera file says"""
+
+    bl_idname = "gssmc.add_photos"
+    bl_label = "Add Photos"
+    bl_options = {"UNDO"}
+
+    __annotations__ = {
+        **_AddPhotos.__annotations__,
+        "files": CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}),
+        "filter_image": BoolProperty(default=True, options={"HIDDEN"}),
+    }
+
+    def _chosen(self):
+        names = [file.name for file in self.files if file.name]
+        if not names and not self.directory and self.filepath:
+            return [Path(bpy.path.abspath(self.filepath))]
+        folder = Path(bpy.path.abspath(self.directory))
+        return [folder / name for name in names] if names else photos_in(folder)
+
+
+class GSSMC_OT_add_photo_folder(_AddPhotos, bpy.types.Operator):
+    """Load all photographs of a folder; each gets a camera of its own, at the current view or where a camera file says"""
+
+    bl_idname = "gssmc.add_photo_folder"
+    bl_label = "Add Folder"
+    bl_options = {"UNDO"}
+
+    __annotations__ = {**_AddPhotos.__annotations__}
+
+    def _chosen(self):
+        return photos_in(Path(bpy.path.abspath(self.directory)))
+
+
+classes = (GSSMC_OT_add_photos, GSSMC_OT_add_photo_folder)

@@ -1,0 +1,63 @@
+"""File > Export > Photo Cameras: COLMAP text model, nerfstudio's transforms.json, or camera JSON."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper
+
+from ..core.errors import GssmcError
+from ..gssmc_addon import camera_exchange, photo_image
+
+FORMATS = (
+    ("JSON", "Camera JSON", "GS-SMC's own format, with the verdicts"),
+    ("NERFSTUDIO", "transforms.json", "nerfstudio and instant-ngp: camera-to-world matrices"),
+    ("COLMAP", "COLMAP Text", "A folder with cameras.txt, images.txt and points3D.txt"),
+)
+
+
+class GSSMC_OT_export_cameras(bpy.types.Operator, ExportHelper):
+    """Export photo cameras in the coordinates of the splat file"""
+
+    bl_idname = "gssmc.export_cameras"
+    bl_label = "Export Photo Cameras"
+
+    filename_ext = ".json"
+    filter_glob: StringProperty(default="*.json;*.txt", options={"HIDDEN"})
+    format: EnumProperty(name="Format", items=FORMATS, default="JSON")
+    selected: BoolProperty(
+        name="Selected Only", default=False, description="The selected cameras; otherwise all of the scene that have a photo"
+    )
+
+    @classmethod
+    def poll(cls, context):
+        if context.scene.gssmc.splat is None:
+            cls.poll_message_set("Exported poses are in the splat's coordinates; import or pick a splat first")
+            return False
+        return True
+
+    def check(self, context):
+        self.filename_ext = "" if self.format == "COLMAP" else ".json"
+        return super().check(context) if self.filename_ext else False
+
+    def execute(self, context):
+        context.view_layer.update()
+        path = Path(bpy.path.abspath(self.filepath))
+        if self.format == "COLMAP" and path.suffix == ".json":
+            path = path.with_suffix("")
+        try:
+            found = camera_exchange.collect(context.scene, self._objects(context))
+            camera_exchange.write(path, self.format, found)
+        except GssmcError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"{len(found)} cameras were written to '{path}'.")
+        return {"FINISHED"}
+
+    def _objects(self, context):
+        source = context.selected_objects if self.selected else context.scene.objects
+        cameras = [o for o in source if o.type == "CAMERA"]
+        return cameras if self.selected else [o for o in cameras if photo_image.camera_photo(o)]
+
+
+classes = (GSSMC_OT_export_cameras,)

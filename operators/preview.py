@@ -1,0 +1,65 @@
+"""Preview: the splat through the photo's camera, set against the photo."""
+
+import bpy
+from bpy.props import StringProperty
+
+from ..core.errors import RefineError
+from ..gssmc_addon import preview_images, preview_job, preview_options, properties
+from ..gssmc_addon.job_operator import JobOperator
+
+NO_EDITOR = 'Open an Image Editor and pick "{}" in its header to see it.'
+
+
+class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
+    """Render the splat through the camera and set it against the photo"""
+
+    bl_idname = "gssmc.preview"
+    bl_label = "Preview"
+    bl_options = {"UNDO"}
+
+    __annotations__ = {
+        "camera": StringProperty(name="Camera", description="Name of the camera object; empty: the scene camera"),
+        **preview_options.annotations(),
+    }
+
+    def gather(self, context):
+        context.view_layer.update()  # scripts set locations and expect them to count
+        scene, own = context.scene, context.window_manager.gssmc.preview
+        for name in preview_options.annotations():  # what is not said is as in the panel
+            if not self.properties.is_property_set(name):
+                setattr(self, name, getattr(own, name))
+        if self.background and self.style not in preview_options.BACKGROUND:
+            raise RefineError(
+                "This style cannot stand behind the camera; choose Diagonal, Wipe, Squares, Difference or Render."
+            )
+        camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
+        if self.camera and camera is None:
+            raise RefineError(f'There is no camera "{self.camera}"; give the name of a camera object.')
+        self._camera = camera.name if camera else ""
+        return preview_job.gather(context, camera, preview_job.options_of(self), properties.settings_from(scene.gssmc))
+
+    def apply(self, context, job, result):
+        camera = context.scene.objects.get(self._camera)
+        if camera is None or camera.type != "CAMERA":
+            raise RefineError(f'The camera "{self._camera}" was removed while its preview was rendered.')
+        if result.new:
+            preview_images.put_pair(result.pair, job.inputs.key)
+        image = preview_images.find("render") if self.style == "FLICKER" else preview_images.put_picture(result.picture)
+        shown = preview_images.show(image)
+        preview_images.set_behind(camera.data, image if self.background else None)
+        context.window_manager.gssmc.preview.flicker = self.style == "FLICKER" and shown
+        words = [f'Preview of "{camera.name}".']
+        if result.matches:
+            good = result.matches.good
+            words = [f'"{camera.name}": {good.sum()} of {len(good)} matches sit at the same place in photo and render.']
+        if not shown and not self.background:
+            words.append(NO_EDITOR.format(image.name))
+        self.tell(context, " ".join(words))
+        self.report({"INFO"}, " ".join(words))
+        return {"FINISHED"}
+
+    def stopped(self, context, job):
+        return self.refuse(context, "The preview was cancelled.", level="INFO")
+
+
+classes = (GSSMC_OT_preview,)

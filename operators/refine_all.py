@@ -1,0 +1,53 @@
+"""Refine All: the photos of the list, one after the other."""
+
+import bpy
+from bpy.props import EnumProperty
+
+from ..gssmc_addon import photo_queue, properties
+from ..gssmc_addon.job_operator import JobOperator
+
+WHICH = (
+    ("ALL", "All", "Every photo of the list"),
+    ("TICKED", "Ticked", "The photos that are ticked in the list"),
+    ("OPEN", "Not Trusted Yet", "The photos whose camera is not trusted yet"),
+)
+
+
+class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
+    """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
+
+    bl_idname = "gssmc.refine_all"
+    bl_label = "Refine All"
+    bl_options = {"UNDO"}
+
+    __annotations__ = {
+        "which": EnumProperty(name="Which", items=WHICH, default="ALL", description="Which photos are refined"),
+        **properties.settings_annotations(),
+        **properties.model_annotations(),
+    }
+
+    @classmethod
+    def description(cls, context, properties):
+        return f"{cls.__doc__}. {next(item[2] for item in WHICH if item[0] == properties.which)}"
+
+    def gather(self, context):
+        context.view_layer.update()  # scripts set locations and expect them to count
+        scene = context.scene
+        return photo_queue.queue(scene, self.which, properties.settings_from(scene.gssmc, self.properties))
+
+    def apply(self, context, job, result):
+        message = job.summary()
+        self.tell(context, message, "ERROR" if job.failed else "INFO")
+        clean = job.verdicts["trusted"] == job.count
+        self.report({"INFO" if clean else "WARNING"}, message)
+        return {"FINISHED" if job.refined else "CANCELLED"}
+
+    def stopped(self, context, job):
+        """What was refined before the stop is kept: each photo stands for itself."""
+        message = f"Stopped. {job.summary()}"
+        self.tell(context, message)
+        self.report({"INFO"}, message)
+        return {"FINISHED" if job.refined else "CANCELLED"}
+
+
+classes = (GSSMC_OT_refine_all,)

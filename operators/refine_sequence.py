@@ -1,0 +1,109 @@
+"""Refine Plate: the camera of a moving plate, as keyframes."""
+
+import bpy
+from bpy.props import BoolProperty, FloatProperty, IntProperty
+
+from ..core.errors import RefineError
+from ..gssmc_addon import camera_keys, plate_source, properties
+from ..gssmc_addon.job_operator import JobOperator
+from ..gssmc_addon.sequence_job import SequenceJob, SequenceOptions, frame_list
+
+
+class GSSMC_OT_refine_sequence(JobOperator, bpy.types.Operator):
+    """Find the camera of a movie or image sequence every few frames, each from its neighbour's answer"""
+
+    bl_idname = "gssmc.refine_sequence"
+    bl_label = "Refine Plate"
+    bl_options = {"UNDO"}
+
+    __annotations__ = {
+        "start": IntProperty(name="Start", description="First frame of the scene; by default of plate and scene together"),
+        "end": IntProperty(name="End", description="Last frame of the scene; by default of plate and scene together"),
+        "step": IntProperty(name="Step", description="A keyframe every so many frames", default=10, min=1),
+        "smooth_frames": FloatProperty(
+            name="Smooth (frames)",
+            description="Wiggles shorter than this many frames are taken out; 0 = none",
+            default=20,
+            min=0,
+        ),
+        "every_frame": BoolProperty(
+            name="Key Every Frame",
+            description="Fill the frames between with keys too, along a smooth path; else Blender's curves fill them",
+            default=False,
+        ),
+        "key_lens": BoolProperty(
+            name="Key the Lens",
+            description="Also key focal length and shift, for a zoom; else the lens stays as it is",
+            default=False,
+        ),
+        **properties.settings_annotations(),
+        **properties.model_annotations(),
+    }
+
+    def invoke(self, context, event):
+        try:
+            self._window, (low, high) = True, self._range(context)
+        except RefineError as error:
+            return self.refuse(context, str(error))
+        if not self.properties.is_property_set("start"):
+            self.start = low
+        if not self.properties.is_property_set("end"):
+            self.end = high
+        return context.window_manager.invoke_props_dialog(self, confirm_text="Refine Plate")
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        column = self.layout.column(align=True)
+        for name in ("start", "end", "step"):
+            column.prop(self, name)
+        column = self.layout.column()
+        for name in ("smooth_frames", "every_frame", "key_lens"):
+            column.prop(self, name)
+
+    def execute(self, context):
+        """After the dialog beside Blender; from scripts it waits."""
+        return self.begin(context) if getattr(self, "_window", False) else super().execute(context)
+
+    def gather(self, context):
+        context.view_layer.update()  # scripts set locations and expect them to count
+        scene, splat = context.scene, context.scene.gssmc.splat
+        if splat is None or splat.name not in scene.objects:
+            raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
+        low, high = self._range(context)
+        start, end = (
+            getattr(self, name) if self.properties.is_property_set(name) else default
+            for name, default in (("start", low), ("end", high))
+        )
+        camera_keys.check_keyable(scene.camera)
+        options = SequenceOptions(start, end, self.step, self.smooth_frames, self.every_frame, self.key_lens)
+        settings = properties.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
+        return SequenceJob(scene, scene.camera, options, settings)
+
+    def apply(self, context, job, result):
+        scene, splat, camera = job.find()
+        camera_keys.check_keyable(camera)
+        cameras = job.path()
+        camera_keys.write(scene, camera, splat, cameras, job.options.key_lens)
+        seconds = sum(report.seconds for report in job.reports.values())
+        trusted = not job.bad and all(report.verdict == "trusted" for report in job.reports.values())
+        reasons = [job.summary(), *sorted({f"{message}" for message in job.bad.values()})][:4]
+        properties.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
+        camera.data.gssmc.bad_frames = frame_list(job.bad)
+        self.tell(context, "")
+        self.report({"INFO" if trusted else "WARNING"}, f'"{camera.name}": {job.summary()} {len(cameras)} keys were set.')
+        return {"FINISHED"}
+
+    def _range(self, context):
+        """The frames that scene and plate share. Raises RefineError."""
+        scene, camera = context.scene, context.scene.camera
+        if camera is None or camera.type != "CAMERA":
+            raise RefineError("The scene has no camera for the plate; use Add Plate in the GS-SMC panel.")
+        plate = plate_source.moving_photo(camera)
+        if plate is None:
+            raise RefineError(f'The camera "{camera.name}" has no image sequence or movie; use Add Plate in the GS-SMC panel.')
+        first, last = plate.scene_range
+        low, high = max(first, scene.frame_start), min(last, scene.frame_end)
+        return (low, high) if low <= high else (first, last)
+
+
+classes = (GSSMC_OT_refine_sequence,)

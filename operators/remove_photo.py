@@ -1,0 +1,51 @@
+"""Remove Photo: a line of the list, and the camera that was made for it."""
+
+import bpy
+from bpy.props import BoolProperty
+
+from ..gssmc_addon import jobs, photo_image, photo_list
+
+
+class GSSMC_OT_remove_photo(bpy.types.Operator):
+    """Take the photo out of the list, and its camera out of the scene"""
+
+    bl_idname = "gssmc.remove_photo"
+    bl_label = "Remove Photo"
+    bl_options = {"UNDO"}
+
+    camera: BoolProperty(name="Camera Too", default=True, description="Also delete the photo's camera")
+
+    @classmethod
+    def poll(cls, context):
+        own = context.scene.gssmc
+        if jobs.active():
+            cls.poll_message_set("A refinement or another job is running; wait for it or cancel it")
+            return False
+        if not 0 <= own.photo_index < len(own.photos):
+            cls.poll_message_set("No photo of the list is picked")
+            return False
+        return True
+
+    def execute(self, context):
+        own = context.scene.gssmc
+        index, entry = own.photo_index, own.photos[own.photo_index]
+        title, camera = photo_list.title(entry), photo_list.camera_of(context.scene, entry)
+        own.photos.remove(index)
+        if camera and self.camera:
+            _delete(camera)
+        own.photo_index = max(0, min(index, len(own.photos) - 1))
+        self.report({"INFO"}, f'"{title}" was removed.')
+        return {"FINISHED"}
+
+
+def _delete(camera):
+    """The camera, its data and its photo, where nothing else uses them."""
+    data, image = camera.data, photo_image.camera_photo(camera)
+    bpy.data.objects.remove(camera)
+    if data.users == 0:
+        bpy.data.cameras.remove(data)
+    if image and image.users == 0:
+        bpy.data.images.remove(image)
+
+
+classes = (GSSMC_OT_remove_photo,)

@@ -1,0 +1,21 @@
+"""Report a Problem: versions and the last job's record, on the clipboard."""
+
+import bpy
+
+from ..gssmc_addon import problem
+
+
+class GSSMC_OT_report_problem(bpy.types.Operator):
+    """Copy a text with versions and the last refinement's record to the clipboard, to be pasted into a report"""
+
+    bl_idname = "gssmc.report_problem"
+    bl_label = "Report a Problem"
+    bl_options = {"INTERNAL"}
+
+    def execute(self, context):
+        context.window_manager.clipboard = problem.text(context)
+        self.report({"INFO"}, "Versions and the last refinement's record are on the clipboard; paste them into your report.")
+        return {"FINISHED"}
+
+
+classes = (GSSMC_OT_report_problem,)

@@ -1,0 +1,48 @@
+"""Next and previous photo of the list."""
+
+import bpy
+from bpy.props import BoolProperty, IntProperty
+
+from ..gssmc_addon import photo_list
+
+
+class GSSMC_OT_review(bpy.types.Operator):
+    """Look through the camera of the next or previous photo of the list"""
+
+    bl_idname = "gssmc.review"
+    bl_label = "Next Photo"
+    bl_options = {"UNDO"}
+
+    step: IntProperty(name="Step", default=1, description="1 for the next photo of the list, -1 for the previous one")
+    skip_trusted: BoolProperty(name="Skip Trusted", default=False, description="Only photos whose camera is not trusted")
+
+    @classmethod
+    def poll(cls, context):
+        if not any(photo_list.camera_of(context.scene, entry) for entry in context.scene.gssmc.photos):
+            cls.poll_message_set("There are no photos on the list")
+            return False
+        return True
+
+    @classmethod
+    def description(cls, context, properties):
+        way = "next" if properties.step > 0 else "previous"
+        what = " whose camera is not trusted" if properties.skip_trusted else ""
+        return f"Look through the camera of the {way} photo of the list{what}"
+
+    def execute(self, context):
+        own = context.scene.gssmc
+        count, way = len(own.photos), 1 if self.step >= 0 else -1
+        for k in range(abs(self.step) or 1, count + 1):
+            index = (own.photo_index + way * k) % count
+            if self._wanted(context.scene, own.photos[index]):
+                own.photo_index = index  # its update looks through the camera
+                return {"FINISHED"}
+        self.report({"INFO"}, "All photos of the list are trusted.")
+        return {"CANCELLED"}
+
+    def _wanted(self, scene, entry):
+        camera = photo_list.camera_of(scene, entry)
+        return camera is not None and not (self.skip_trusted and camera.data.gssmc.verdict == "TRUSTED")
+
+
+classes = (GSSMC_OT_review,)

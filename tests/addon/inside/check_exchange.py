@@ -1,0 +1,146 @@
+"""Cameras in and out, the view as a start, the background undistorted, and what a saved file brings back."""
+
+import json
+
+import numpy as np
+import pytest
+from samples import counts, write_photo
+
+
+@pytest.fixture
+def scene(bpy, splat_file):
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Y_DOWN")
+    splat = bpy.context.scene.gssmc.splat
+    splat.location, splat.scale = (1, 2, 3), (2.0,) * 3
+    bpy.context.view_layer.update()
+    return bpy.context.scene
+
+
+@pytest.fixture
+def cameras(extension, tmp_path):
+    """Two engine cameras of photos that are there, one lens each."""
+    engine = extension("core.camera")
+    made = []
+    for i in range(2):
+        rotation = extension("core.lie").so3_exp(np.array([0.1, 0.2 * i, -0.3]))
+        lens = engine.Intrinsics(60, 90, 80.0 + i, 80.0 + i, 31.0, 44.0, (0.05, -0.01, 0.001, 0.002, 0))
+        made.append(engine.Camera(lens, engine.Pose(rotation, np.array([0.5, 0.25 * i, 2.0])), f"{'ab'[i]}.png"))
+        write_photo(tmp_path / made[-1].file)
+    return made
+
+
+def same(extension, got, wanted):
+    distance, degrees = extension("core.camera").pose_error(got.pose, wanted.pose)
+    assert (distance < 1e-5, degrees < 1e-3) == (True, True)
+    np.testing.assert_allclose(got.intrinsics.matrix, wanted.intrinsics.matrix, rtol=1e-5)
+    np.testing.assert_allclose(got.intrinsics.dist, wanted.intrinsics.dist, atol=1e-6)
+    assert got.file == wanted.file
+
+
+@pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
+def test_cameras_go_in_and_come_out(bpy, extension, scene, cameras, tmp_path, kind):
+    """In by the engine's writers, out by the operator, read by the engine's readers; and once more in."""
+    exchange, files = extension("gssmc_addon.camera_exchange"), extension("core.camera_files")
+    files.write_cameras(tmp_path / "in.json", cameras)
+    assert bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "in.json")) == {"FINISHED"}
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (1920, 1080)
+    assert scene.camera.name == "a"
+    assert scene.camera.data.background_images[0].image.name == "a.png"
+    out = tmp_path / ("model" if kind == "COLMAP" else "transforms.json")
+    assert bpy.ops.gssmc.export_cameras(filepath=str(out), format=kind) == {"FINISHED"}
+    found, left_out = exchange.gather(out, tmp_path)
+    assert (len(found), left_out) == (2, 0)
+    for item, wanted in zip(found, cameras, strict=True):
+        same(extension, item.camera, wanted)
+    assert bpy.ops.gssmc.import_cameras(filepath=str(out), photos=str(tmp_path)) == {"FINISHED"}
+
+
+def test_an_exported_json_tells_verdicts_and_guesses(bpy, extension, scene, tmp_path):
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
+    extension("gssmc_addon.properties").note_verdict(scene.camera.data, "check", ("Look.",), 2, 1.0)
+    bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"))
+    (record,) = json.loads((tmp_path / "out.json").read_text())["frames"]
+    assert (record["verdict"], record["reasons"], record["focal_guessed"]) == ("check", ["Look."], True)
+    assert (record["width"], record["height"]) == (60, 90)
+
+
+def test_poses_alone_take_their_lens_from_the_photo(bpy, scene, tmp_path):
+    write_photo(tmp_path / "a.jpg", focal_35mm=28)
+    pose = {"file": "a.jpg", "R": np.eye(3).tolist(), "t": [0, 0, 2.0]}
+    (tmp_path / "p.json").write_text(json.dumps({"frames": [pose, pose | {"file": "none.jpg"}]}))
+    bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "p.json"))
+    assert [o.name for o in scene.objects if o.type == "CAMERA"] == ["a"]
+    assert not scene.camera.data.gssmc.lens_calibrated
+
+
+@pytest.mark.parametrize("content", ["{", '{"frames": []}', '[{"R": 1, "t": 2}]'])
+def test_a_bad_camera_file_changes_nothing(bpy, scene, tmp_path, content):
+    (tmp_path / "bad.json").write_text(content)
+    before = counts(bpy)
+    with pytest.raises(RuntimeError) as error:
+        bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "bad.json"))
+    assert "Traceback" not in str(error.value)
+    assert counts(bpy) == before
+
+
+def test_exporting_nothing_or_one_photo_twice_is_refused(bpy, scene, tmp_path):
+    with pytest.raises(RuntimeError, match="no camera to export"):
+        bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"))
+    for _ in range(2):
+        bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
+    with pytest.raises(RuntimeError, match=r"Two cameras have the photo .a\.png."):
+        bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"))
+    assert not (tmp_path / "out.json").exists()
+
+
+def test_the_view_becomes_the_start(bpy, scene, extension):
+    view = extension("gssmc_addon.photo_camera").find_view(bpy.context)
+    if view is None:
+        pytest.skip("this Blender has no viewport in background mode")
+    view.view_perspective = "PERSP"
+    assert bpy.ops.gssmc.camera_from_view() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(np.array(scene.camera.matrix_world), np.linalg.inv(np.array(view.view_matrix)), atol=1e-5)
+    scene.camera.constraints.new("LIMIT_LOCATION")
+    view.view_perspective = "PERSP"
+    with pytest.raises(RuntimeError, match="constraint"):
+        bpy.ops.gssmc.camera_from_view()
+
+
+def test_the_background_can_be_undistorted(bpy, scene, tmp_path):
+    photo = write_photo(tmp_path / "a.png")
+    bpy.ops.gssmc.add_photo(filepath=str(photo), camera="NEW")
+    data = scene.camera.data
+    with pytest.raises(RuntimeError, match="no lens distortion"):
+        bpy.ops.gssmc.undistort_photo()
+    data.gssmc.k1 = -0.2
+    images = len(bpy.data.images)
+    for _ in range(2):
+        assert bpy.ops.gssmc.undistort_photo() == {"FINISHED"}
+        assert [b.image for b in data.background_images] == [data.gssmc.undistorted]
+        assert len(bpy.data.images) == images + 1
+    assert data.gssmc.photo.name == "a.png"
+    assert tuple(data.gssmc.undistorted.size) == (60, 90)
+    bottom = np.array(data.gssmc.undistorted.pixels[:]).reshape(90, 60, 4)[10, 30]
+    np.testing.assert_allclose(bottom[:3], (0, 0, 1), atol=0.05)
+
+
+def test_matching_the_resolution_keeps_the_camera(bpy, scene, extension, tmp_path):
+    bridge = extension("gssmc_addon.camera_bridge")
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.jpg", focal_35mm=28)), camera="NEW")
+    before = bridge.photo_intrinsics(scene, scene.camera.data, 60, 90)
+    assert bpy.ops.gssmc.match_resolution() == {"FINISHED"}
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (60, 90)
+    after = bridge.photo_intrinsics(scene, scene.camera.data, 60, 90)
+    np.testing.assert_allclose(after.matrix, before.matrix, rtol=1e-5)
+
+
+def test_a_saved_file_brings_all_of_it_back(bpy, scene, tmp_path):
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
+    scene.camera.data.gssmc.k1 = 0.125
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    scene = bpy.context.scene
+    kept = scene.camera.data.gssmc
+    assert (kept.k1, kept.lens_calibrated, kept.photo.name, kept.frame_x) == (0.125, False, "a.png", 1920)
+    assert len(scene.gssmc.splat.data.points) == 200

@@ -1,0 +1,137 @@
+"""See the fit: pictures of photo and render, made without moving anything."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import rooms
+from samples import counts
+
+from core.camera_files import camera_to_dict
+from core.synthetic import sample_cameras
+
+STYLES = ("SIDE_BY_SIDE", "DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER", "FLICKER", "MATCHES")
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A room with a distorted photo and its true camera."""
+    import json
+
+    room = rooms.Room(tmp_path_factory.mktemp("room"))
+    truth = room.take("photo.png", sample_cameras()[0])
+    bent = replace(truth, intrinsics=replace(truth.intrinsics, dist=(-0.2, 0.05, 0, 0, 0)))
+    room.take("bent.png", bent)
+    for name, camera in (("photo", truth), ("bent", bent)):
+        (room.folder / f"{name}.json").write_text(json.dumps(camera_to_dict(replace(camera, file=f"{name}.png"))))
+    return room
+
+
+def set_up(bpy, room, name="photo"):
+    bpy.ops.gssmc.import_splats(filepath=str(room.scene))
+    file = str(room.folder / name)
+    bpy.ops.gssmc.add_photo(filepath=file + ".png", camera="NEW", camera_file=file + ".json")
+    return bpy.context.scene
+
+
+def pixels(image):
+    values = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+
+
+def find(extension, kind):
+    return extension("gssmc_addon.preview_images").find(kind)
+
+
+def test_every_style_makes_a_picture_and_renders_once(bpy, place, extension, monkeypatch):
+    scene = set_up(bpy, place)
+    module, made = extension("gssmc_addon.splat_renderer"), []
+    original = module.Renderer
+    monkeypatch.setattr(module, "Renderer", lambda *args: made.append(args) or original(*args))
+    before = [x for row in scene.camera.matrix_world for x in row], scene.camera.data.lens
+    kinds = counts(bpy)
+    for style in STYLES:
+        assert bpy.ops.gssmc.preview(style=style) == {"FINISHED"}
+        image = find(extension, "render" if style == "FLICKER" else "picture")
+        wide = style in ("SIDE_BY_SIDE", "MATCHES")
+        assert tuple(image.size) == (rooms.WIDTH * 2 + 4 if wide else rooms.WIDTH, rooms.HEIGHT), style
+        assert np.ptp(pixels(image)) > 0.3, style
+    assert len(made) == 2  # once for all, and once for the matches
+    assert ([x for row in scene.camera.matrix_world for x in row], scene.camera.data.lens) == before
+    assert counts(bpy) == {**kinds, "images": kinds["images"] + 3}
+    assert "matches sit" in bpy.context.window_manager.gssmc.message
+    assert "Open an Image Editor" in bpy.context.window_manager.gssmc.message
+
+
+@pytest.mark.parametrize("name", ["photo", "bent"])
+def test_the_render_lies_on_the_photo_distortion_and_all(bpy, place, extension, name):
+    set_up(bpy, place, name)
+    bpy.ops.gssmc.preview(style="RENDER")
+    photo, render = (pixels(find(extension, kind)).mean(axis=2) for kind in ("photo", "render"))
+    assert np.corrcoef(photo.ravel(), render.ravel())[0, 1] > 0.97
+    moved = np.roll(render, 4, axis=1)
+    assert np.corrcoef(photo.ravel(), moved.ravel())[0, 1] < 0.93
+
+
+def test_a_moved_camera_is_rendered_again(bpy, place, extension):
+    scene = set_up(bpy, place)
+    bpy.ops.gssmc.preview(style="RENDER")
+    first = pixels(find(extension, "picture"))
+    scene.camera.location.x += 0.2
+    bpy.ops.gssmc.preview(style="RENDER")
+    assert np.abs(pixels(find(extension, "picture")) - first).mean() > 0.01
+
+
+def test_the_wipe_follows_the_panel_without_the_button(bpy, place, extension):
+    set_up(bpy, place)
+    bpy.ops.gssmc.preview(style="WIPE", position=0.0)
+    own = bpy.context.window_manager.gssmc.preview
+    render, photo = (pixels(find(extension, kind)) for kind in ("render", "photo"))
+    np.testing.assert_allclose(pixels(find(extension, "picture")), render, atol=1e-3)
+    own.style, own.position = "WIPE", 1.0
+    np.testing.assert_allclose(pixels(find(extension, "picture")), photo, atol=1e-3)
+
+
+def test_behind_the_camera_on_request_and_away_again(bpy, place, extension):
+    data = set_up(bpy, place).camera.data
+    bpy.ops.gssmc.preview(style="DIAGONAL", background=True)
+    images = [slot.image for slot in data.background_images]
+    assert images == [data.gssmc.photo, find(extension, "picture")]
+    bpy.ops.gssmc.preview(style="DIAGONAL", background=False)
+    assert [slot.image for slot in data.background_images] == [data.gssmc.photo]
+    with pytest.raises(RuntimeError, match="cannot stand behind"):
+        bpy.ops.gssmc.preview(style="MATCHES", background=True)
+
+
+def test_refusals_are_sentences_and_change_nothing(bpy, place):
+    scene = set_up(bpy, place)
+    camera, photo = scene.camera, scene.camera.data.gssmc.photo
+    before = counts(bpy)
+
+    def refused(words, **options):
+        with pytest.raises(RuntimeError, match=words) as error:
+            bpy.ops.gssmc.preview(**options)
+        assert "Traceback" not in str(error.value)
+        assert counts(bpy) == before
+
+    refused("no camera", camera="nobody")
+    scene.camera = None
+    refused("no photo")
+    scene.camera, photo.filepath = camera, "/nowhere/gone.png"
+    refused("gone.png")
+    camera.data.type = "ORTHO"
+    refused("Perspective")
+    scene.gssmc.splat = None
+    refused("No splat")
+
+
+def test_a_cancelled_preview_stops_soon(bpy, place, extension):
+    scene = set_up(bpy, place)
+    preview = extension("gssmc_addon.preview_job")
+    options = preview.PreviewOptions("RENDER", 0.5, 8192)
+    job = preview.gather(bpy.context, scene.camera, options, extension("core.pose.settings").RefineSettings())
+    job.start()
+    job.cancel()
+    assert job.join(5)
+    assert find(extension, "render") is None

@@ -1,0 +1,162 @@
+"""Moving plates: keys where the camera truly was, none where the frame is bad, one refusal per thing that is missing."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+import rooms
+
+from core.camera import Pose, pose_error
+from core.lie import so3_exp
+from core.synthetic import sample_cameras
+
+FIRST, COUNT, STEP = 12, 9, 2  # files 12 to 20 show at frames 1 to 9
+BAD_FRAME = 5
+
+
+def moving(index):
+    """The camera of the plate's frame `index` = 0, 1 ..., a little bow to the right."""
+    base = sample_cameras()[0]
+    turn = so3_exp([0, -0.01 * index, 0.002 * index]) @ base.pose.R
+    return replace(base, pose=Pose.from_centre(turn, base.pose.centre + np.array([0.03 * index, 0.004 * index**2 / COUNT, 0])))
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory):
+    """A room, the true cameras of its plate, and a copy of the plate in which one frame shows noise."""
+    room = rooms.Room(tmp_path_factory.mktemp("room"))
+    truths = [room.take(f"plate/shot.{FIRST + k:04d}.png", moving(k), k) for k in range(COUNT)]
+    (room.folder / "broken").mkdir()
+    for k in range(COUNT):
+        name = f"shot.{FIRST + k:04d}.png"
+        data = (room.folder / "plate" / name).read_bytes()
+        if k == BAD_FRAME - 1:
+            noise = np.random.default_rng(0).integers(0, 256, (rooms.HEIGHT, rooms.WIDTH, 3), np.uint8)
+            data = cv2.imencode(".png", noise)[1].tobytes()
+        (room.folder / "broken" / name).write_bytes(data)
+    first = replace(truths[0], file=f"shot.{FIRST:04d}.png")
+    return room, truths, room.starts("start.json", [first], 0.04, 1.0)
+
+
+def set_up(bpy, plate, folder="plate"):
+    room, _, start = plate
+    bpy.ops.gssmc.import_splats(filepath=str(room.scene))
+    file = room.folder / folder / f"shot.{FIRST:04d}.png"
+    assert bpy.ops.gssmc.add_plate(filepath=str(file), camera="NEW", camera_file=str(start)) == {"FINISHED"}
+    return bpy.context.scene
+
+
+def keyed(camera, path):
+    strips = [s for layer in camera.animation_data.action.layers for s in layer.strips]
+    curves = [c for s in strips for c in s.channelbag(camera.animation_data.action_slot).fcurves if c.data_path == path]
+    return [{int(p.co.x) for p in curve.keyframe_points} for curve in curves]
+
+
+def errors(bpy, extension, scene, truths, frames):
+    read, out = extension("gssmc_addon.camera_bridge").read_camera, []
+    for frame in frames:
+        scene.frame_set(frame)
+        pose = read(scene, scene.camera, scene.gssmc.splat).at_size(rooms.WIDTH, rooms.HEIGHT).pose
+        out.append(pose_error(pose, truths[frame - 1].pose))
+    return np.array(out)
+
+
+@pytest.mark.parametrize("mode", ["XYZ", "QUATERNION"])
+def test_the_camera_follows_the_plate(bpy, plate, extension, mode):
+    scene = set_up(bpy, plate)
+    camera, truths = scene.camera, plate[1]
+    camera.rotation_mode = mode
+    lens = camera.data.lens
+    result = bpy.ops.gssmc.refine_sequence(step=STEP, smooth_frames=2.0, **rooms.QUICK)
+    assert result == {"FINISHED"}
+    assert scene.frame_current == 1
+    keys = {1, 3, 5, 7, 9}
+    assert all(frames == keys for frames in keyed(camera, "location"))
+    assert all(frames == keys for frames in keyed(camera, "rotation_quaternion" if mode == "QUATERNION" else "rotation_euler"))
+    assert camera.data.animation_data is None
+    assert camera.data.lens == pytest.approx(lens)
+    off = errors(bpy, extension, scene, truths, range(1, COUNT + 1))  # those between the keys too
+    assert off[:, 0].max() < 0.02
+    assert off[:, 1].max() < 0.3
+    assert camera.data.gssmc.bad_frames == ""
+
+
+def test_a_bad_frame_is_flagged_and_the_gap_filled(bpy, plate, extension):
+    scene = set_up(bpy, plate, "broken")
+    bpy.ops.gssmc.refine_sequence(start=1, end=9, step=STEP, every_frame=True, smooth_frames=0, **rooms.QUICK)
+    data = scene.camera.data
+    assert data.gssmc.bad_frames == str(BAD_FRAME)
+    assert data.gssmc.verdict == "CHECK"
+    assert "4 of 5 frames" in data.gssmc.reasons
+    assert all(frames == set(range(1, 10)) for frames in keyed(scene.camera, "location"))
+    off = errors(bpy, extension, scene, plate[1], range(1, COUNT + 1))
+    assert off[:, 0].max() < 0.025
+    again = bpy.ops.gssmc.refine_sequence(start=1, end=9, step=4, key_lens=True, **rooms.QUICK)  # over its own keys
+    assert again == {"FINISHED"}
+    assert all(frames == {1, 9} for frames in keyed(scene.camera, "location"))
+    assert all(frames == {1, 9} for frames in keyed(data, "lens"))
+
+
+def test_nothing_is_keyed_when_no_frame_is_good(bpy, plate):
+    scene = set_up(bpy, plate, "broken")
+    before = [x for row in scene.camera.matrix_world for x in row]
+    with pytest.raises(RuntimeError, match="No frame of the plate") as error:
+        bpy.ops.gssmc.refine_sequence(start=BAD_FRAME, end=BAD_FRAME, **rooms.QUICK)
+    assert "Traceback" not in str(error.value)
+    assert scene.camera.animation_data is None
+    assert [x for row in scene.camera.matrix_world for x in row] == before
+
+
+def test_refusals_are_sentences_and_change_nothing(bpy, plate, tmp_path):
+    scene = set_up(bpy, plate)
+    camera = scene.camera
+
+    def refused(words, **options):
+        with pytest.raises(RuntimeError, match=words) as error:
+            bpy.ops.gssmc.refine_sequence(**options)
+        assert "Traceback" not in str(error.value)
+        assert camera.animation_data is None
+
+    refused("before its start", start=5, end=2)
+    camera.constraints.new("TRACK_TO").target = scene.gssmc.splat
+    refused("Track To")
+    camera.constraints.clear()
+    camera.data.gssmc.photo.filepath = str(tmp_path / "gone.0001.png")
+    refused("gone.0001.png")
+    camera.data.gssmc.photo = None
+    camera.data.background_images.clear()
+    refused("no image sequence or movie")
+    scene.gssmc.splat = None
+    scene.camera = None
+    refused("No splat")
+    with pytest.raises(RuntimeError, match="neither"):
+        (tmp_path / "words.txt").write_text("no plate")
+        bpy.ops.gssmc.add_plate(filepath=str(tmp_path / "words.txt"))
+
+
+def test_a_movie_clip_behind_the_camera_counts_as_blender_counts(bpy, plate, extension, tmp_path):
+    scene = set_up(bpy, plate)
+    moving_photo = extension("gssmc_addon.plate_source").moving_photo
+    assert moving_photo(scene.camera).scene_range == (1, COUNT)
+    user = scene.camera.data.background_images[0].image_user
+    user.frame_start, user.frame_duration = 101, 4
+    assert moving_photo(scene.camera).scene_range == (101, 104)
+    assert moving_photo(scene.camera).at(102).number == FIRST + 1
+    clip = bpy.data.movieclips.load(str(plate[0].folder / "plate" / f"shot.{FIRST:04d}.png"))
+    clip.frame_start, clip.frame_offset = 11, 2
+    data = scene.camera.data
+    data.gssmc.photo = None
+    data.background_images.clear()
+    slot = data.background_images.new()
+    slot.source, slot.clip = "MOVIE_CLIP", clip
+    found = moving_photo(scene.camera)
+    assert found.at(11).number == FIRST + 2
+    assert found.scene_range == (9, 9 + COUNT - 1)
+
+
+def test_one_frame_of_a_plate_can_be_previewed_and_refined(bpy, plate, extension):
+    scene = set_up(bpy, plate)
+    assert bpy.ops.gssmc.refine(**rooms.QUICK) == {"FINISHED"}
+    assert errors(bpy, extension, scene, plate[1], [1])[0, 0] < 0.02
+    assert bpy.ops.gssmc.preview(style="DIAGONAL") == {"FINISHED"}

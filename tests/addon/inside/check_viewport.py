@@ -1,0 +1,276 @@
+"""Splats in the viewport: against the engine's renderer where this machine can draw without a window.
+
+And beside it what needs no graphics: reading, stopping, what is kept on objects.
+"""
+
+from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from core.render import Renderer, RenderSettings
+from core.synthetic.room import make_scene
+from core.synthetic.sample import sample_cameras
+
+CLIP = (0.01, 1000.0)
+
+
+@pytest.fixture(scope="module")
+def room():
+    """The built-in room with SH degree 0, which is what the viewport shows."""
+    scene = make_scene(0)
+    return replace(scene, sh=np.ascontiguousarray(scene.sh[:, :1]))
+
+
+@pytest.fixture
+def drawing(blender):
+    """Blender's gpu module with a context, in background mode."""
+    import gpu
+
+    if not hasattr(gpu, "init"):
+        pytest.skip("this Blender's gpu module needs a window")
+    try:
+        gpu.init()
+    except SystemError as error:
+        pytest.skip(f"nothing can be drawn here without a window: {error}")
+    return gpu
+
+
+def matrices(camera):
+    """View and projection of the engine's camera as Blender's viewport has them."""
+    from mathutils import Matrix
+
+    k, (near, far) = camera.intrinsics, CLIP
+    flip = np.diag([1.0, -1.0, -1.0])
+    view = np.eye(4)
+    view[:3, :3], view[:3, 3] = flip @ camera.pose.R, flip @ camera.pose.t
+    projection = np.zeros((4, 4))
+    projection[0, 0], projection[0, 2] = 2 * k.fx / k.width, 1 - 2 * k.cx / k.width
+    projection[1, 1], projection[1, 2] = 2 * k.fy / k.height, 2 * k.cy / k.height - 1
+    projection[2, 2], projection[2, 3] = -(far + near) / (far - near), -2 * far * near / (far - near)
+    projection[3, 2] = -1
+    return Matrix(view.tolist()), Matrix(projection.tolist())
+
+
+def base_of(scene):
+    return np.concatenate([scene.sh[:, 0], scene.opacities[:, None]], axis=1)
+
+
+def picture(gpu, extension, scene, camera, depth=None, slices=1, model=None):
+    """The viewport's shader over an offscreen buffer: (H, W, 4), premultiplied."""
+    from mathutils import Matrix
+
+    data, drawer = extension("gssmc_addon.viewport_data"), extension("gssmc_addon.viewport_gpu")
+    size = camera.intrinsics.width, camera.intrinsics.height
+    view, projection = matrices(camera)
+    view = view @ (model or Matrix.Identity(4))
+    tables = data.build_tables(scene.means, scene.scales, scene.rotations, base_of(scene), 10**8)
+    textures = drawer.SplatTextures(tables)
+    while not textures.send_next():
+        pass
+    order = data.back_to_front(tables.means, np.array(view.row[2][:3]))
+    draw = drawer.SplatDraw(textures, drawer.texture(data.order_table(order)), len(order), 1.0, view, projection, 0)
+    ground = drawer.Ground(size, depth if depth is None else drawer.texture(depth), 1)
+    buffer = gpu.types.GPUOffScreen(*size, format="RGBA32F")
+    painter = drawer.Painter()
+    bounds = np.linspace(0, len(order), slices + 1).astype(int)
+    with buffer.bind():
+        frame = gpu.state.active_framebuffer_get()
+        frame.clear(color=(0.0, 0.0, 0.0, 0.0))
+        for start, stop in pairwise(bounds):
+            painter.draw_splats(draw, ground, range(start, stop))
+        pixels = np.array(frame.read_color(0, 0, *size, 4, 0, "FLOAT"), np.float32)
+    buffer.free()
+    return pixels.reshape(size[1], size[0], 4)[::-1]
+
+
+@pytest.mark.parametrize("index", [1, 4])
+def test_the_shader_draws_what_the_engine_draws(drawing, extension, room, index):
+    camera = sample_cameras()[index]
+    got = picture(drawing, extension, room, camera)
+    wanted = Renderer(room, RenderSettings.for_scene(room)).render(camera.intrinsics, camera.pose)
+    colour, alpha = np.abs(got[..., :3] - wanted.color), np.abs(got[..., 3] - wanted.alpha)
+    assert colour.mean() < 0.001, "colours have 8 bits: half a level is 0.002"
+    assert colour.max() < 0.02
+    assert alpha.mean() < 0.0005
+
+
+def test_an_object_may_be_turned_and_scaled(drawing, extension, room):
+    """A splat twice as large, seen by a camera at the place that corresponds, looks the same."""
+    from mathutils import Euler, Matrix
+
+    model = Matrix.LocRotScale((1, 2, 3), Euler((0.3, -0.2, 1.0)), (2.0, 2.0, 2.0))
+    camera = sample_cameras()[0]
+    plain = picture(drawing, extension, room, camera)
+    linear, shift = np.array(model.to_3x3()) / 2, np.array(model.translation)
+    centre = 2 * linear @ camera.pose.centre + shift
+    moved = replace(camera, pose=type(camera.pose).from_centre(camera.pose.R @ linear.T, centre))
+    got = picture(drawing, extension, room, moved, model=model)
+    assert np.abs(got - plain).mean() < 1e-3
+
+
+def test_slices_add_up_to_the_whole(drawing, extension, room):
+    camera = sample_cameras()[2]
+    whole, parts = (picture(drawing, extension, room, camera, slices=n) for n in (1, 7))
+    np.testing.assert_array_equal(parts, whole)
+
+
+def test_what_stands_before_hides(drawing, extension, room):
+    """A depth of 0 in the left half, the background's in the right one."""
+    camera = sample_cameras()[2]
+    height, width = camera.intrinsics.height, camera.intrinsics.width
+    depth = np.ones((height, width), np.float32)
+    depth[:, : width // 2] = 0.0
+    got, free = (picture(drawing, extension, room, camera, depth=d) for d in (depth, None))
+    assert not got[:, : width // 2].any()
+    np.testing.assert_array_equal(got[:, width // 2 :], free[:, width // 2 :])
+
+
+def test_broken_gaussians_are_drawn_nowhere(drawing, extension, room):
+    camera = sample_cameras()[1]
+    few = replace(room, **{n: getattr(room, n)[:2000].copy() for n in ("means", "scales", "rotations", "opacities", "sh")})
+    free = picture(drawing, extension, few, camera)
+    many = {n: np.concatenate([getattr(few, n)] * 2) for n in ("means", "scales", "rotations", "opacities", "sh")}
+    many["means"][2000:3000, 1] = np.nan
+    many["rotations"][3000:] = 0.0
+    got = picture(drawing, extension, replace(few, **many), camera)
+    assert np.abs(got - free).max() < 1e-5
+
+
+def test_back_to_front(extension):
+    back_to_front = extension("gssmc_addon.viewport_data").back_to_front
+    means = np.random.default_rng(3).normal(size=(500, 3)).astype(np.float32)
+    direction = np.array([0.6, 0.0, -0.8])
+    order = back_to_front(means, direction).astype(int)
+    assert sorted(order) == list(range(500))
+    assert (np.diff((means @ direction)[order]) >= -1e-6).all(), "a viewport looks along its -z: the nearest have the largest z"
+
+
+# ---- without a graphics card
+
+
+def test_shown_as_points_where_nobody_draws_splats(bpy, splat_file):
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file), max_shown=5000, scale=2.5)
+    obj = bpy.context.scene.gssmc.splat
+    assert (obj.gssmc.show_as, obj.display_type, obj.gssmc.max_shown) == ("SPLATS", "TEXTURED", 5000)
+    assert tuple(round(s, 5) for s in obj.matrix_world.to_scale()) == (2.5, 2.5, 2.5)
+    obj.gssmc.show_as = "BOX"
+    assert obj.display_type == "BOUNDS"
+    obj.gssmc.show_as = "POINTS"
+    assert obj.display_type == "TEXTURED"
+
+
+def test_shown_as_splats_where_the_window_draws_them(bpy, extension, splat_file, monkeypatch):
+    props = extension("gssmc_addon.viewport_props")
+    monkeypatch.setitem(props._state, "drawable", True)
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    obj = bpy.context.scene.gssmc.splat
+    assert obj.display_type == "BOUNDS"
+    assert props.shows_splats(obj)
+    monkeypatch.setitem(props._state, "drawable", False)
+    props.apply_all()
+    assert obj.display_type == "TEXTURED", "the extension is switched off: points, never nothing"
+
+
+@pytest.mark.parametrize("wait", [True, False])
+def test_background_mode_waits_for_the_import(bpy, splat_file, wait):
+    assert bpy.ops.gssmc.import_splats(filepath=str(splat_file), wait=wait) == {"FINISHED"}
+    assert len(bpy.context.scene.gssmc.splat.data.points) == 200
+
+
+def test_an_import_can_be_stopped(bpy, extension, tmp_path):
+    """The thread ends at its next step, and what was made so far goes."""
+    from samples import counts, random_gaussians, write_ply
+
+    job_module, importer = extension("gssmc_addon.splat_import_job"), extension("gssmc_addon.splat_import")
+    path = write_ply(tmp_path / "scan.ply", random_gaussians(50_000, 3))
+    job = job_module.ImportJob(path, True)
+    job.stop()
+    job.start()
+    job.join()
+    with pytest.raises(extension("core.errors").Cancelled):
+        job.result()
+    before = counts(bpy)
+    prepared = job_module.prepare(extension("core.splats").read_splats(path), True)
+    building = importer.Building("scan", prepared, importer.Placement())
+    assert not building.step()
+    building.drop()
+    assert counts(bpy) == before
+    with pytest.raises(extension("core.errors").SplatFormatError, match="was removed while"):
+        building.step()
+
+
+def test_a_point_cloud_is_read_again_only_when_it_changed(bpy, extension, splat_file):
+    clouds, threads = extension("gssmc_addon.viewport_clouds"), extension("gssmc_addon.viewport_thread")
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    block = bpy.context.scene.gssmc.splat.data
+    thread = threads.BackThread()
+    known = clouds.Clouds(thread)
+
+    def settle():
+        while known.step() or not thread.idle():
+            for (_, uid), result in thread.answers():
+                known.accept(uid, result)
+        return known.get(block.session_uid)
+
+    assert known.get(block.session_uid) == (None, 0)
+    textures, version = settle()
+    assert (textures.count, version) == (200, 1)
+    known.mark_stale(block.session_uid)
+    assert settle() == (textures, 1), "Blender said that it changed, but it did not"
+    block.attributes["position"].data[7].vector = (9, 9, 9)
+    known.mark_stale(block.session_uid)
+    changed, version = settle()
+    assert version == 2
+    assert (changed.means == 9).all(axis=1).sum() == 1
+    bpy.data.objects.remove(bpy.context.scene.gssmc.splat)
+    bpy.data.pointclouds.remove(block)
+    assert not known.step()
+    thread.stop()
+    assert thread.idle()
+
+
+def test_the_thread_outlives_work_that_breaks(extension):
+    thread = extension("gssmc_addon.viewport_thread").BackThread()
+    thread.ask("bad", lambda: 1 / 0)
+    thread.ask("good", lambda: 2)
+    found = []
+    while len(found) < 2:
+        found += thread.answers()
+    assert sorted(found) == [("bad", None), ("good", 2)]
+    thread.stop()
+    thread.ask("again", lambda: 3)
+    while not (found := thread.answers()):
+        pass
+    assert found == [("again", 3)]
+    thread.stop()
+
+
+def test_slow_machines_get_less_to_do(extension):
+    lod = extension("gssmc_addon.viewport_lod")
+    slow, fast = lod.Budget(True), lod.Budget(False)
+    for _ in range(30):
+        slow.moved(slow.moving, 0.5)
+        slow.sliced(slow.slice, 0.5)
+        fast.moved(fast.moving, 0.001)
+        fast.sliced(fast.slice, 0.001)
+    assert (slow.moving, slow.shrink, slow.slice) == (lod.FEWEST, 4, lod.SMALLEST_SLICE)
+    assert (fast.moving, fast.shrink) == (lod.MOST_MOVING, 1)
+    assert fast.slice == lod.LARGEST
+
+
+def test_a_photo_before_the_camera_is_not_hidden(bpy, extension):
+    """The share of the viewport's opacity that splats may take."""
+    share = extension("gssmc_addon.viewport_stage")._share
+    slot = SimpleNamespace(display_depth="FRONT", show_background_image=True, image=object(), alpha=0.25)
+    data = SimpleNamespace(show_background_images=True, background_images=[slot])
+    shading = SimpleNamespace(type="SOLID", show_xray=False, xray_alpha=0.5)
+    space = SimpleNamespace(shading=shading, camera=SimpleNamespace(type="CAMERA", data=data))
+    view = SimpleNamespace(space_data=space, region_data=SimpleNamespace(view_perspective="CAMERA"))
+    assert share(view) == 0.75
+    view.region_data.view_perspective = "PERSP"
+    assert share(view) == 1.0
+    shading.show_xray = True
+    assert share(view) == 0.5

@@ -1,0 +1,104 @@
+"""Reprojection of lifted matches: against OpenCV's projection, finite differences, and the dense covariance written out."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from geometry import CAMERA, make_matches, random_pose, world
+
+from core.lie import hat, se3_exp
+from core.pose.lens import LensCamera, lens_difference, moved_lens
+from core.pose.matches import world_points
+from core.pose.reprojection import MIN_SIGMA_PX, reproject, robust_across_px, whiten
+
+LENS = replace(CAMERA, dist=(-0.12, 0.05, 0.001, -0.002, 0.01))
+
+
+@pytest.fixture
+def setting():
+    rng = np.random.default_rng(3)
+    truth = random_pose(rng)
+    matches = make_matches(rng, truth, random_pose(rng), world(rng, 80), noise_px=1.0)
+    pose = se3_exp(0.01 * rng.normal(size=6)) @ truth
+    seen = LENS.project(np.column_stack([matches.query, np.ones(len(matches))]))
+    return rng, LensCamera(pose, LENS), matches, seen
+
+
+def test_residuals_are_opencvs_projection_minus_what_was_seen(setting):
+    _, camera, matches, seen = setting
+    K = LENS.matrix
+    rotation = cv2.Rodrigues(camera.pose.R)[0]
+    want, _ = cv2.projectPoints(world_points(matches), rotation, camera.pose.t, K, np.array(LENS.dist))
+    got = reproject(camera, matches, seen)
+    np.testing.assert_allclose(got.residual, want.reshape(-1, 2) - seen, atol=1e-6)
+    np.testing.assert_allclose(got.z, camera.pose.transform(world_points(matches))[:, 2])
+
+
+def test_the_jacobian_by_pose_and_lens_is_the_finite_difference(setting):
+    _, camera, matches, seen = setting
+    got = reproject(camera, matches, seen, free=5).jacobian
+    for k in range(11):
+        step = np.eye(11)[k] * 1e-6
+        plus, minus = (reproject(camera.moved(s), matches, seen).residual for s in (step, -step))
+        np.testing.assert_allclose(got[:, :, k], (plus - minus) / 2e-6, rtol=1e-5, atol=2e-3)
+
+
+def test_along_is_the_finite_difference_by_depth(setting):
+    _, camera, matches, seen = setting
+    plus, minus = (reproject(camera, replace(matches, depth=matches.depth + d), seen).residual for d in (1e-6, -1e-6))
+    np.testing.assert_allclose(reproject(camera, matches, seen).along, (plus - minus) / 2e-6, rtol=1e-5, atol=1e-4)
+
+
+def test_whitening_is_the_dense_covariance(setting):
+    rng, camera, matches, seen = setting
+    r = reproject(camera, matches, seen)
+    sigma_depth = rng.uniform(0.0, 0.1, len(matches))
+    white, jacobian = whiten(r, 0.4, sigma_depth)
+    covariance = 0.16 * np.eye(2) + sigma_depth[:, None, None] ** 2 * r.along[:, :, None] * r.along[:, None, :]
+    inverse = np.linalg.inv(covariance)
+    np.testing.assert_allclose((white**2).sum(1), np.einsum("ni,nij,nj->n", r.residual, inverse, r.residual))
+    want = np.einsum("nki,nkl,nlj->nij", r.jacobian, inverse, r.jacobian)
+    np.testing.assert_allclose(np.einsum("nki,nkj->nij", jacobian, jacobian), want, rtol=1e-9, atol=1e-6)
+
+
+def test_an_unknown_depth_leaves_the_distance_to_opencvs_epipolar_line(setting):
+    _, camera, matches, _ = setting
+    camera = LensCamera(camera.pose, CAMERA)
+    K = CAMERA.matrix
+    seen = matches.query @ K[:2, :2].T + K[:2, 2]
+    relative = camera.pose @ matches.pose.inverse()
+    F = np.linalg.inv(K).T @ hat(relative.t) @ relative.R @ np.linalg.inv(K)
+    view = matches.view @ K[:2, :2].T + K[:2, 2]
+    lines = cv2.computeCorrespondEpilines(view.reshape(-1, 1, 2), 1, F).reshape(-1, 3)
+    want = np.abs((np.column_stack([seen, np.ones(len(seen))]) * lines).sum(1))
+    white, _ = whiten(reproject(camera, matches, seen), 1.0, np.full(len(matches), np.inf))
+    np.testing.assert_allclose(np.linalg.norm(white, axis=1), want, rtol=1e-6, atol=1e-8)
+
+
+def test_without_a_baseline_both_directions_count_alike(setting):
+    _, camera, matches, seen = setting
+    r = reproject(camera, replace(matches, pose=camera.pose), seen)
+    white, _ = whiten(r, 0.5, np.full(len(matches), np.inf))
+    assert np.isfinite(white).all()
+    np.testing.assert_allclose((white**2).sum(1), (r.residual**2).sum(1) / 0.25)
+
+
+def test_the_deviation_across_the_lines_ignores_outliers(setting):
+    rng, camera, matches, seen = setting
+    r = reproject(camera, matches, seen)
+    across = 0.4 * rng.normal(size=len(matches))
+    across[:10] = 500.0
+    e = r.along / np.linalg.norm(r.along, axis=1)[:, None]
+    spoilt = replace(r, residual=across[:, None] * np.stack([-e[:, 1], e[:, 0]], 1))
+    assert robust_across_px(spoilt) == pytest.approx(0.4, rel=0.35)
+    assert robust_across_px(replace(spoilt, residual=0 * spoilt.residual)) == MIN_SIGMA_PX
+
+
+def test_a_step_of_the_lens_and_its_difference_are_inverse():
+    step = np.array([0.1, 0.01, -0.02, 0.03, -0.01])
+    moved = moved_lens(LENS, step)
+    got = lens_difference(moved, LENS)
+    np.testing.assert_allclose(got[[0, 3, 4]], step[[0, 3, 4]], rtol=1e-12)
+    np.testing.assert_allclose(got[1:3] * LENS.focal, step[1:3] * LENS.focal, rtol=1e-12)
+    assert moved.fx / LENS.fx == pytest.approx(np.exp(0.1))
