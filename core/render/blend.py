@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import constants as c
-from .project import Run, Splats
-from .tiles import TILE, TileLists
+from .project import FEATURES, L1, L2, L3, LOG_OPACITY, MX, MY, ROW, TILE, Z
+from .tiles import TileLists
 
 Float32Array = NDArray[np.float32]
 IndexArray = NDArray[np.intp]
@@ -32,9 +32,6 @@ EXPONENT_MIN = -60.0  # far under 1/255; cv2.exp is slow where it underflows
 LOG_ALPHA_MAX = float(np.log(np.float32(c.ALPHA_MAX)))
 SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))  # cv2's test is "greater", ours "at least"
 CHANNELS = 6  # r, g, b, 1, z - z0, (z - z0)^2
-TABLE_CHUNK = 1 << 15  # Gaussians per work item of the table
-ROW = 16  # floats per table row: one cache line, so that a pair costs one miss
-MX, MY, Z, L1, L2, L3, LOG_OPACITY, XX, XY, YY, FEATURES = range(11)
 
 
 @dataclass(frozen=True)
@@ -43,30 +40,6 @@ class TileImage:
 
     sums: Float32Array
     z0: Float32Array
-
-
-def splat_table(splats: Splats, run: Run) -> Float32Array:
-    """The columns that blending gathers, one row per Gaussian (M + 1, ROW); the last row is transparent padding.
-
-    l1, l2, l3 are divided by sqrt(2), so that the exponent is log_opacity - (l1 dx + l2 dy)^2 - (l3 dy)^2.
-    """
-    count = len(splats)
-    table = np.zeros((count + 1, ROW), np.float32)
-    table[-1, LOG_OPACITY] = 2 * EXPONENT_MIN
-
-    def fill(begin: int) -> None:
-        part = slice(begin, min(begin + TABLE_CHUNK, count))
-        body, half = table[part], np.float32(np.sqrt(0.5))
-        l1, l2, l3 = (half * column[part] for column in (splats.l1, splats.l2, splats.l3))
-        body[:, MX], body[:, MY], body[:, Z] = splats.mx[part], splats.my[part], splats.z[part]
-        body[:, L1], body[:, L2], body[:, L3] = l1, l2, l3
-        body[:, LOG_OPACITY] = splats.log_opacity[part]
-        body[:, XX], body[:, XY], body[:, YY] = -l1 * l1, np.float32(-2) * l1 * l2, -(l2 * l2 + l3 * l3)
-        body[:, FEATURES : FEATURES + 3] = splats.color[:, part].T
-        body[:, FEATURES + 3] = 1
-
-    list(run(fill, range(0, count, TABLE_CHUNK)))
-    return table
 
 
 def pixel_basis() -> Float32Array:
@@ -168,8 +141,8 @@ def _coefficients(
     rows = scratch.rows[:pairs]
     table.take(g.ravel(), axis=0, out=rows, mode="clip")
     columns = scratch.columns[: ROW * padded].reshape(ROW, padded)
-    cv2.transpose(rows, columns[:, :pairs])
-    columns[:, pairs:] = 0
+    cv2.transpose(rows[:, :FEATURES], columns[:FEATURES, :pairs])
+    columns[:FEATURES, pairs:] = 0
     relative = columns[:L1, :pairs].reshape(L1, *g.shape)
     relative -= offset[:, None]
     rows[:, FEATURES + 4] = columns[Z, :pairs]

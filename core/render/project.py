@@ -1,11 +1,12 @@
-"""EWA projection of the scene into one camera: cull, project, colour, sort by depth."""
+"""EWA projection of the scene into one camera: cull, project, sort by depth.
+
+Columns are stacked and worked on together: a call into numpy passes the interpreter lock, and threads that make many short
+calls wait for each other.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
-
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,183 +15,176 @@ from . import constants as c
 from .tables import SceneTables
 
 Float32Array = NDArray[np.float32]
-Run = Callable[..., Iterator[Any]]  # map, or that of a thread pool
+Int16Array = NDArray[np.int16]
+IndexArray = NDArray[np.intp]
 
+TILE = 8  # pixels along each side of a tile
 MAX_PIXEL_MARGIN = 1.9  # sqrt(2 ln 255 * 0.3): how far the low-pass alone can carry a Gaussian, pixels
+EMPTY_LOG_OPACITY = -120.0
+ROW = 16  # floats per row that blending gathers: one cache line, so that a pair costs one miss
+MX, MY, Z, L1, L2, L3, LOG_OPACITY, XX, XY, YY, FEATURES = range(11)
+SHAPE = 8  # floats per row that binning gathers
+S_X, S_SKEW, S_INVERSE, S_Y, S_L3, S_CUT, S_TILT = range(7)
 
 
-@dataclass(frozen=True)
 class Splats:
-    """M visible Gaussians, front to back, one float32 column each (M,), pixels with the image's top-left corner at 0.
+    """Room for what a view shows of N Gaussians: those of a chunk of the scene lie packed from the chunk's start on.
 
-    mx, my: centre. l1, l2, l3: Cholesky factor of the conic, q = (l1 dx + l2 dy)^2 + (l3 dy)^2. ex, ey: half extents of the
-    ellipse where alpha = 1/255. cut: q on that ellipse. tilt: dy at its rightmost point. skew: l2 / l1. log_opacity.
-    z: camera depth. color (3, M).
+    Pixels have the image's top-left corner at 0. The quadratic form of a splat is q = (l1 dx + l2 dy)^2 + (l3 dy)^2.
+
+    table (N + 1, ROW): centre, depth; l1, l2, l3 divided by sqrt(2), so that the exponent is
+    log_opacity - (l1 dx + l2 dy)^2 - (l3 dy)^2, and its coefficients of dx^2, dx dy, dy^2; r, g, b, 1. The last row is
+    transparent padding. shape (N, SHAPE): x - 0.5, l2 / l1 and 1 / l1 in tiles; y - 0.5, l3; cut, the q where alpha is 1/255;
+    tilt, the dy of that ellipse's rightmost point. first, last (N,): tile rows of the ellipse, last < first where there is no
+    splat. z (N,): camera depth.
     """
 
-    mx: Float32Array
-    my: Float32Array
-    l1: Float32Array
-    l2: Float32Array
-    l3: Float32Array
-    ex: Float32Array
-    ey: Float32Array
-    cut: Float32Array
-    tilt: Float32Array
-    skew: Float32Array
-    log_opacity: Float32Array
-    z: Float32Array
-    color: Float32Array
-
-    def __len__(self) -> int:
-        return len(self.z)
+    def __init__(self, count: int) -> None:
+        self.table = np.empty((count + 1, ROW), np.float32)
+        self.shape = np.empty((count, SHAPE), np.float32)
+        self.first, self.last = np.empty((2, count), np.int16)
+        self.z = np.empty(count, np.float32)
+        self.table[-1] = 0
+        self.table[-1, LOG_OPACITY] = EMPTY_LOG_OPACITY
 
 
 class View:
-    """One camera in the numbers that projection needs: float32 rotation, origin-shifted translation, Jacobian limits."""
+    """One camera in the numbers that projection needs; x and y stacked, (2, 1)."""
 
     def __init__(self, tables: SceneTables, intrinsics: Intrinsics, pose: Pose, near: float) -> None:
         k = intrinsics
-        self.k, self.near = k, near
-        self.R = pose.R
-        self.t = pose.R @ tables.origin + pose.t
+        self.near = np.float32(near)
+        self.tile_rows = -(-k.height // TILE)
+        self.R, self.R32 = pose.R, pose.R.astype(np.float32)
+        self.t = (pose.R @ tables.origin + pose.t)[:, None]
         self.centre = (pose.centre - tables.origin).astype(np.float32)
-        tan_x, tan_y = 0.5 * k.width / k.fx, 0.5 * k.height / k.fy
-        self.u_range = (-(k.cx / k.fx + c.JACOBIAN_MARGIN * tan_x), (k.width - k.cx) / k.fx + c.JACOBIAN_MARGIN * tan_x)
-        self.v_range = (-(k.cy / k.fy + c.JACOBIAN_MARGIN * tan_y), (k.height - k.cy) / k.fy + c.JACOBIAN_MARGIN * tan_y)
+        f, middle, half = (np.array(a)[:, None] for a in ((k.fx, k.fy), (k.cx, k.cy), (0.5 * k.width, 0.5 * k.height)))
+        low, high = -middle / f, (2 * half - middle) / f
+        margin = c.JACOBIAN_MARGIN * half / f
+        limits = np.stack([low - margin, high + margin])  # of x/z and y/z in the Jacobian
         # longest possible row of the Jacobian times z
-        self.gain_x = k.fx * float(np.hypot(1.0, np.abs(self.u_range).max())) * (1 + 1e-5)
-        self.gain_y = k.fy * float(np.hypot(1.0, np.abs(self.v_range).max())) * (1 + 1e-5)
+        gain = f * np.hypot(1.0, np.abs(limits).max(axis=0)) * (1 + 1e-5)
+        self.f, self.middle, self.gain = (a.astype(np.float32) for a in (f, middle, gain))
+        self.limits, self.off_middle = limits.astype(np.float32), (middle - half).astype(np.float32)
+        self.border = (half + MAX_PIXEL_MARGIN).astype(np.float32)
 
 
-def project_chunk(tables: SceneTables, view: View, part: slice) -> Splats | None:
-    """Project the Gaussians of `part`; None when none of them can touch the image."""
-    k = view.k
-    points = view.R @ tables.means[:, part].astype(np.float64) + view.t[:, None]
-    index, x, y, z = _cull(points.astype(np.float32), tables.reach[part], view)
-    if not len(index):
-        return None
-    whole = index + part.start
-    axes = np.matmul(view.R.astype(np.float32), tables.axes.take(whole, axis=1).reshape(3, -1)).reshape(3, 3, -1)
-    u, v = x / z, y / z
-    mx, my = np.float32(k.fx) * u + np.float32(k.cx), np.float32(k.fy) * v + np.float32(k.cy)
-    np.clip(u, *(np.float32(r) for r in view.u_range), out=u)
-    np.clip(v, *(np.float32(r) for r in view.v_range), out=v)
-    row_x = (axes[0] - u * axes[2]) * (np.float32(k.fx) / z)
-    row_y = (axes[1] - v * axes[2]) * (np.float32(k.fy) / z)
-    a, cc, b = _dot(row_x, row_x), _dot(row_y, row_y), _dot(row_x, row_y)
-    low = np.float32(c.LOWPASS_PX2)
-    det = _determinant(row_x, row_y, a, cc)
-    a += low
-    cc += low
-    cut = tables.cut.take(whole)
-    ex, ey = np.sqrt(cut * a), np.sqrt(cut * cc)
-    hit = np.flatnonzero((mx + ex >= 0.5) & (mx - ex <= k.width - 0.5) & (my + ey >= 0.5) & (my - ey <= k.height - 0.5))
-    if not len(hit):
-        return None
-    cc, det, b = cc.take(hit), det.take(hit), b.take(hit)
-    whole, cut, ex = whole.take(hit), cut.take(hit), ex.take(hit)
-    return Splats(
-        mx=mx.take(hit),
-        my=my.take(hit),
-        l1=np.sqrt(cc / det).astype(np.float32),
-        l2=(-b / np.sqrt(cc * det)).astype(np.float32),
-        l3=np.asarray(np.float32(1) / np.sqrt(cc)),
-        ex=ex,
-        ey=ey.take(hit),
-        cut=cut,
-        tilt=b * cut / ex,
-        skew=-b / cc,
-        log_opacity=tables.log_opacity.take(whole),
-        z=z.take(hit),
-        color=_colors(tables, view, whole),
-    )
+def project_chunk(tables: SceneTables, view: View, part: slice, splats: Splats) -> IndexArray:
+    """Project the Gaussians of `part` into their room, all but the colour; which of them (n,) fill its first n slots."""
+    exact = view.R @ tables.means[:, part].astype(np.float64)
+    exact += view.t
+    points: Float32Array = exact.astype(np.float32)
+    index = _cull(points, tables.reach[part], view)
+    splats.first[part], splats.last[part] = 0, -1
+    if len(index):
+        own = slice(part.start, part.start + len(index))
+        points, body = points.take(index, axis=1), tables.body[:, part].take(index, axis=1)
+        z = points[2]
+        splats.z[own] = z
+        plane = points[:2] / z
+        centre = plane * view.f
+        centre += view.middle
+        np.clip(plane, *view.limits, out=plane)
+        axes = np.matmul(view.R32, body[:9].reshape(3, -1)).reshape(3, 3, -1)
+        rows = np.empty((2, 5, len(index)), np.float32)
+        np.multiply(plane[:, None], axes[2], out=rows[:, :3])
+        np.subtract(axes[:2], rows[:, :3], out=rows[:, :3])
+        rows[:, :3] *= np.divide(view.f, z)[:, None]
+        _write(splats, own, view.tile_rows, centre, z, _conic(rows), body[9], body[10])
+    return index
 
 
-def _cull(
-    points: Float32Array, reach: Float32Array, view: View
-) -> tuple[NDArray[np.intp], Float32Array, Float32Array, Float32Array]:
-    """Indices and camera coordinates of Gaussians whose bounding sphere may reach the image, never judged by centre alone."""
-    k = view.k
-    x, y, z = points
-    half_w, half_h = 0.5 * k.width, 0.5 * k.height
-    near = z > np.float32(view.near)
-    off_x = np.abs(np.float32(k.fx) * x + np.float32(k.cx - half_w) * z)
-    off_x -= np.float32(half_w + MAX_PIXEL_MARGIN) * z
-    off_y = np.abs(np.float32(k.fy) * y + np.float32(k.cy - half_h) * z)
-    off_y -= np.float32(half_h + MAX_PIXEL_MARGIN) * z
-    near &= off_x <= np.float32(view.gain_x) * reach
-    near &= off_y <= np.float32(view.gain_y) * reach
-    index = np.flatnonzero(near)
-    return index, x.take(index), y.take(index), z.take(index)
+def _cull(points: Float32Array, reach: Float32Array, view: View) -> IndexArray:
+    """Which Gaussians' bounding spheres may reach the image, never judged by the centre alone. points (3, m): camera space."""
+    z = points[2]
+    off = points[:2] * view.f
+    off += view.off_middle * z
+    np.abs(off, out=off)
+    off -= view.border * z
+    off -= view.gain * reach
+    near = z > view.near
+    near &= np.maximum(off[0], off[1]) <= 0
+    return np.flatnonzero(near)
 
 
-def _determinant(row_x: Float32Array, row_y: Float32Array, a: Float32Array, c_: Float32Array) -> NDArray[np.float64]:
-    """Determinant of the 2D covariance with its low-pass; a, c_: its diagonal without.
+def _conic(rows: Float32Array) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
+    """Variances (2, n) and covariance (n,) of splats in pixels^2, low-pass included, 1 / l1 and l3 (n,).
 
-    Cauchy-Binet keeps that of a needle exact where a c - b^2 would cancel; float64 because a Gaussian larger than the
-    world overflows float32 here.
+    rows (2, 5, n): the Jacobian times the Gaussian's axes, the last two of five are room; overwritten. 1 / l1^2 is the variance
+    of x where y is known, the determinant divided by that of y. Cauchy-Binet keeps that of a needle, where a c - b^2 would
+    cancel; dividing first keeps a Gaussian larger than the world within float32.
     """
-    det = c.LOWPASS_PX2 * (a.astype(np.float64) + c_ + c.LOWPASS_PX2)
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        minor = np.multiply(row_x[i], row_y[j], dtype=np.float64)
-        minor -= np.multiply(row_x[j], row_y[i], dtype=np.float64)
-        det += np.square(minor, out=minor)
-    return np.asarray(det)
+    low = np.float32(c.LOWPASS_PX2)
+    variance = np.einsum("ikn,ikn->in", rows[:, :3], rows[:, :3])
+    covariance = np.einsum("kn,kn->n", rows[0, :3], rows[1, :3])
+    free = low * variance[0]
+    variance += low
+    l3 = np.sqrt(variance[1])
+    np.divide(np.float32(1), l3, out=l3)
+    rows[1, :3] *= l3
+    rows[:, 3:] = rows[:, :2]
+    minors = rows[0, 1:4] * rows[1, 2:5]
+    minors -= rows[0, 2:5] * rows[1, 1:4]
+    free *= l3
+    free *= l3
+    free += low
+    free += np.einsum("kn,kn->n", minors, minors)
+    return variance, covariance, np.sqrt(free, out=free), l3
 
 
-def _dot(p: Float32Array, q: Float32Array) -> Float32Array:
-    return np.asarray(p[0] * q[0] + p[1] * q[1] + p[2] * q[2])
+def _write(
+    splats: Splats,
+    own: slice,
+    tile_rows: int,
+    centre: Float32Array,
+    z: Float32Array,
+    conic: tuple[Float32Array, Float32Array, Float32Array, Float32Array],
+    log_opacity: Float32Array,
+    cut: Float32Array,
+) -> None:
+    """The rows of n splats into the slots `own`, from centre (2, n), depth (n,) and what `_conic` gave."""
+    variance, covariance, inverse, l3 = conic
+    block = np.empty((ROW, len(z)), np.float32)
+    shape = np.empty((SHAPE, len(z)), np.float32)
+    variance *= cut
+    extent = np.sqrt(variance, out=variance)
+    shape[S_Y], shape[S_L3], shape[S_CUT] = centre[1], l3, cut
+    shape[S_Y] -= np.float32(0.5)
+    tilt = np.multiply(covariance, cut, out=shape[S_TILT])
+    tilt /= extent[0]
+    covariance *= l3
+    covariance *= l3
+    skew = np.negative(covariance, out=covariance)
+    np.subtract(centre[0], np.float32(0.5), out=shape[S_X])
+    shape[S_SKEW], shape[S_INVERSE] = skew, inverse
+    shape[S_X : S_INVERSE + 1] *= np.float32(1 / TILE)
+    shape[-1] = 0
+    block[MX : MY + 1], block[Z], block[LOG_OPACITY] = centre, z, log_opacity
+    half = np.float32(np.sqrt(0.5))
+    np.divide(half, inverse, out=block[L1])
+    np.multiply(skew, block[L1], out=block[L2])
+    np.multiply(half, l3, out=block[L3])
+    np.multiply(block[L1:L3], block[L1], out=block[XX : XY + 1])
+    block[XY] += block[XY]
+    np.einsum("kn,kn->n", block[L2 : L3 + 1], block[L2 : L3 + 1], out=block[YY])
+    np.negative(block[XX : YY + 1], out=block[XX : YY + 1])
+    block[FEATURES:] = 1
+    cv2.transpose(block, splats.table[own])
+    cv2.transpose(shape, splats.shape[own])
+    edges = shape[S_Y] + extent[1] * np.array([[-1], [1]], np.float32)
+    edges *= np.float32(1 / TILE)
+    np.floor(edges, out=edges)
+    np.clip(edges, np.array([[0], [-1]], np.float32), np.array([[tile_rows], [tile_rows - 1]], np.float32), out=edges)
+    splats.first[own], splats.last[own] = edges
 
 
-def _colors(tables: SceneTables, view: View, index: NDArray[np.intp]) -> Float32Array:
-    """RGB of the Gaussians at `index` seen from the camera centre, (3, n)."""
-    sh = tables.sh
-    out = sh[0].take(index, axis=1) * np.float32(c.SH_C0)
-    out += np.float32(0.5)
-    if len(sh) > 1:
-        d = tables.means.take(index, axis=1) - view.centre[:, None]
-        d /= np.maximum(np.sqrt(_dot(d, d)), np.float32(1e-30))
-        for coefficient, basis in zip(sh[1:], _sh_basis(d, len(sh)), strict=True):
-            out += coefficient.take(index, axis=1) * basis
-    return np.asarray(np.maximum(out, np.float32(0.0)))
+def depth_order(splats: Splats) -> IndexArray:
+    """The filled slots, front to back; equal depths keep the file's order."""
+    filled = np.flatnonzero(splats.last >= splats.first)
+    return filled.take(_ascending(splats.z.take(filled)))
 
 
-def _sh_basis(d: Float32Array, count: int) -> list[Float32Array]:
-    """Real spherical harmonics 1 .. count - 1 at unit directions (3, n)."""
-    x, y, z = d
-    basis = [np.float32(-c.SH_C1) * y, np.float32(c.SH_C1) * z, np.float32(-c.SH_C1) * x]
-    if count > 4:
-        xx, yy, zz = x * x, y * y, z * z
-        square = (x * y, y * z, 2 * zz - xx - yy, x * z, xx - yy)
-        basis += [np.float32(k) * f for k, f in zip(c.SH_C2, square, strict=True)]
-    if count > 9:
-        cubic = (
-            y * (3 * xx - yy),
-            x * y * z,
-            y * (4 * zz - xx - yy),
-            z * (2 * zz - 3 * xx - 3 * yy),
-            x * (4 * zz - xx - yy),
-            z * (xx - yy),
-            x * (xx - 3 * yy),
-        )
-        basis += [np.float32(k) * f for k, f in zip(c.SH_C3, cubic, strict=True)]
-    return basis
-
-
-def sort_by_depth(parts: list[Splats], run: Run) -> Splats:
-    """One `Splats`, front to back; equal depths keep the file's order."""
-    names = list(Splats.__dataclass_fields__)
-
-    def whole(name: str) -> NDArray[Any]:
-        column = np.concatenate([getattr(p, name or "z") for p in parts], axis=-1)
-        return column if name else depth_order(column)
-
-    order, *columns = run(whole, ["", *names])
-    return Splats(*run(lambda column: column.take(order, axis=-1), columns))
-
-
-def depth_order(z: Float32Array) -> NDArray[np.intp]:
+def _ascending(z: Float32Array) -> IndexArray:
     """Stable ascending order of positive float32: their bits, radix-sorted in two halves (numpy does that for 16 bits)."""
     bits = z.view(np.uint32)
     first = np.argsort(bits.astype(np.uint16), kind="stable")

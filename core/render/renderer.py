@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Intrinsics, Pose
 from ..errors import Cancelled
 from ..splats.scene import GaussianScene
-from .blend import CHANNELS, PIXELS, Scratch, TileImage, blend_tiles, splat_table
-from .project import Run, Splats, View, project_chunk, sort_by_depth
+from .blend import CHANNELS, PIXELS, Scratch, TileImage, blend_tiles
+from .color import colors
+from .project import FEATURES, TILE, Splats, View, depth_order, project_chunk
+from .sharing import Workers
 from .tables import CHUNK, build_tables
-from .tiles import TILE, TileLists, bin_band, join_bands, plan_batches
+from .tiles import Order, TileLists, bin_band, join_bands, plan_batches
 from .view import RenderedView, RenderSettings
 
 Float32Array = NDArray[np.float32]
 IndexArray = NDArray[np.intp]
+Run = Callable[..., list[Any]]
 
 BAND_TILES = 1024  # tiles binned at once
 STRIPE_BANDS = 4  # bands whose lists are held at once; nothing here depends on the threads, so neither does the image
@@ -37,6 +41,7 @@ class Renderer:
         self.settings = settings or RenderSettings()
         self._tables = build_tables(scene)
         self._scratches: list[Scratch] = []
+        self._rooms: list[Splats] = []
 
     def render(self, intrinsics: Intrinsics, pose: Pose, should_stop: Callable[[], bool] = _never) -> RenderedView:
         """Render as a pinhole (distortion ignored). `should_stop` is polled often; when it says True, raises Cancelled."""
@@ -47,24 +52,44 @@ class Renderer:
                 raise Cancelled("Rendering was cancelled.")
 
         view = View(self._tables, intrinsics, pose, self.settings.near)
-        count = len(self._tables)
+        target = _Target(intrinsics, self._scratches)
+        try:
+            splats = self._rooms.pop()
+        except IndexError:
+            splats = Splats(len(self._tables))
+        with Workers(threads) as workers:
+            run = workers.run
+            order = self._project(view, splats, run, poll)
+            if len(order.slots):
+                for stripe in target.stripes():
+                    stripe.draw(splats, order, run, poll)
+        self._rooms.append(splats)
+        return target.view()
+
+    def _project(self, view: View, splats: Splats, run: Run, poll: Callable[[], None]) -> Order:
+        """Fill the splats of a view. The depth order, one thread's work, is found while others evaluate colours."""
+        tables, count = self._tables, len(self._tables)
         chunks = 2 * max(1, -(-count // (2 * CHUNK)))  # even and alike, so that two threads end together
         chunk = max(1, -(-count // chunks))
+        parts = [slice(start, min(start + chunk, count)) for start in range(0, count, chunk)]
 
-        def project(start: int) -> Splats | None:
+        def project(part: slice) -> IndexArray:
             poll()
-            return project_chunk(self._tables, view, slice(start, min(start + chunk, count)))
+            return project_chunk(tables, view, part, splats)
 
-        with ThreadPoolExecutor(threads) as pool:
-            run: Run = pool.map if threads > 1 else map
-            parts = [p for p in run(project, range(0, count, chunk)) if p is not None]
-            target = _Target(intrinsics, self._scratches)
-            if parts:
-                splats = sort_by_depth(parts, run)
-                table = splat_table(splats, run)
-                for stripe in target.stripes():
-                    stripe.draw(splats, table, run, poll)
-        return target.view()
+        def finish(part: slice | None, index: IndexArray | None) -> Order | None:
+            poll()
+            if part is None or index is None:
+                return Order.of(splats, depth_order(splats))
+            if len(index):
+                rgb = colors(tables.color[:, :, part], tables.means[:, part], view.centre, index)
+                own = slice(part.start, part.start + len(index))
+                cv2.transpose(rgb, splats.table[own, FEATURES : FEATURES + 3])
+            return None
+
+        found = run(project, parts)
+        order: Order = run(finish, [None, *parts], [None, *found])[0]
+        return order
 
     def render_many(
         self, intrinsics: Intrinsics, poses: Sequence[Pose], should_stop: Callable[[], bool] = _never
@@ -105,14 +130,14 @@ class _Stripe:
         tiles = (end - begin) * target.columns
         self.image = TileImage(np.zeros((tiles, CHANNELS, PIXELS), np.float32), np.zeros(tiles, np.float32))
 
-    def draw(self, splats: Splats, table: Float32Array, run: Run, poll: Callable[[], None]) -> None:
+    def draw(self, splats: Splats, order: Order, run: Run, poll: Callable[[], None]) -> None:
         def bin_(band: tuple[int, int]) -> TileLists:
             poll()
-            return bin_band(splats, self.target.columns, *band)
+            return bin_band(splats, order, self.target.columns, *band)
 
-        lists = join_bands(list(run(bin_, self.bands)))
-        list(run(lambda batch: self._blend(table, lists, batch, poll), plan_batches(lists.count)))
-        list(run(self._store, self.bands))
+        lists = join_bands(run(bin_, self.bands))
+        run(lambda batch: self._blend(splats.table, lists, batch, poll), plan_batches(lists.count))
+        run(self._store, self.bands)
 
     def _blend(self, table: Float32Array, lists: TileLists, batch: IndexArray, poll: Callable[[], None]) -> None:
         k = self.target.k
@@ -133,10 +158,12 @@ class _Stripe:
         target, (begin, end) = self.target, band
         k, rows, columns = target.k, end - begin, target.columns
         tiles = slice((begin - self.begin) * columns, (end - self.begin) * columns)
-        image = self.image.sums[tiles].reshape(rows, columns, -1, TILE, TILE).transpose(2, 0, 3, 1, 4)
+        # moved by rows of a tile, as items of 32 bytes: numpy's inner loop is then a row of tiles, not of 8 floats
+        items = self.image.sums[tiles].view(f"V{4 * TILE}").reshape(rows, columns, -1, TILE).transpose(2, 0, 3, 1)
+        image = np.ascontiguousarray(items).view(np.float32)
         image = image.reshape(-1, rows * TILE, columns * TILE)[:, : k.height - begin * TILE, : k.width]
         part = slice(begin * TILE, begin * TILE + image.shape[1])
-        target.color[part] = image[:3].transpose(1, 2, 0)
+        cv2.merge(list(image[:3]), target.color[part])
         target.alpha[part] = image[3]
         total = np.maximum(image[3], np.float32(1e-10))
         z0 = self.image.z0[tiles].reshape(rows, -1)

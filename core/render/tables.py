@@ -1,4 +1,4 @@
-"""What the renderer computes once per scene: origin-centred means, scaled axes, log opacities, SH by coefficient."""
+"""What the renderer computes once per scene: origin-centred means, scaled axes, log opacities, colour polynomials."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..splats.scene import GaussianScene
 from . import constants as c
+from .color import color_polynomials
 
 Float32Array = NDArray[np.float32]
 
@@ -21,18 +22,17 @@ CUT_MARGIN = 2e-3  # so that rounding in the ellipse's edge never loses a pixel 
 class SceneTables:
     """N Gaussians of opacity >= 1/255, in file order, one row per quantity.
 
-    origin (3,) float64: added to `means` (3, N) float32 gives world coordinates. axes (9, N): row 3 i + j is world axis i of
-    scaled Gaussian axis j. log_opacity (N,). cut (N,): 2 ln(255 opacity), the squared Mahalanobis radius at which alpha is
-    1/255. reach (N,): sqrt(cut) times the largest scale, scene units. sh (K, 3, N).
+    origin (3,) float64: added to `means` (3, N) float32 gives world coordinates. body (11, N), gathered at once: row 3 i + j
+    is world axis i of scaled Gaussian axis j, then log opacity, then the cut 2 ln(255 opacity), the squared Mahalanobis radius
+    at which alpha is 1/255. reach (N,): sqrt(cut) times the largest scale, scene units. color (K, 3, N): RGB as a polynomial
+    of the unit direction, see `color.py`.
     """
 
     origin: NDArray[np.float64]
     means: Float32Array
-    axes: Float32Array
-    log_opacity: Float32Array
-    cut: Float32Array
+    body: Float32Array
     reach: Float32Array
-    sh: Float32Array
+    color: Float32Array
 
     def __len__(self) -> int:
         return int(self.means.shape[1])
@@ -47,13 +47,10 @@ def build_tables(scene: GaussianScene) -> SceneTables:
     tables = SceneTables(
         origin=origin,
         means=np.empty((3, n), np.float32),
-        axes=np.empty((9, n), np.float32),
-        log_opacity=np.log(scene.opacities[keep]),
-        cut=2 * np.log(scene.opacities[keep] / np.float32(c.ALPHA_MIN)),
+        body=np.empty((11, n), np.float32),
         reach=np.empty(n, np.float32),
-        sh=np.empty((scene.sh.shape[1], 3, n), np.float32),
+        color=np.empty((scene.sh.shape[1], 3, n), np.float32),
     )
-    np.add(np.maximum(tables.cut, 0.0), np.float32(CUT_MARGIN), out=tables.cut)
     for a in range(0, n, CHUNK):
         part = slice(a, a + CHUNK)
         _fill(tables, scene, keep[part], part)
@@ -62,10 +59,12 @@ def build_tables(scene: GaussianScene) -> SceneTables:
 
 def _fill(tables: SceneTables, scene: GaussianScene, index: NDArray[np.intp], part: slice) -> None:
     tables.means[:, part] = (scene.means[index] - tables.origin).T
-    scales = scene.scales[index]
-    tables.reach[part] = np.sqrt(tables.cut[part]) * scales.max(axis=1, initial=0.0)
-    tables.axes[:, part] = (_rotations(scene.rotations[index]) * scales[:, None, :]).reshape(-1, 9).T
-    tables.sh[:, :, part] = scene.sh[index].transpose(1, 2, 0)
+    scales, opacities = scene.scales[index], scene.opacities[index]
+    cut = np.maximum(2 * np.log(opacities / np.float32(c.ALPHA_MIN)), np.float32(0)) + np.float32(CUT_MARGIN)
+    tables.reach[part] = np.sqrt(cut) * scales.max(axis=1, initial=0.0)
+    tables.body[:9, part] = (_rotations(scene.rotations[index]) * scales[:, None, :]).reshape(-1, 9).T
+    tables.body[9, part], tables.body[10, part] = np.log(opacities), cut
+    tables.color[:, :, part] = color_polynomials(scene.sh[index])
 
 
 def _rotations(quaternions: Float32Array) -> Float32Array:

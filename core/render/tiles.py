@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .project import Splats
+from .project import S_CUT, S_INVERSE, S_L3, S_SKEW, S_TILT, S_X, S_Y, SHAPE, TILE, Splats
 
 Float32Array = NDArray[np.float32]
+Int16Array = NDArray[np.int16]
 Int32Array = NDArray[np.int32]
+Int64Array = NDArray[np.int64]
+IndexArray = NDArray[np.intp]
 
-TILE = 8  # pixels along each side of a tile
 BATCH_PAIRS = 49152  # pairs of a batch: some twenty batches in a photo, so that two threads end together
+LAST_PAIRS = 2 * BATCH_PAIRS  # pairs at the end of a frame that come in batches of a quarter
 TILE_COST = 8  # what a tile counts at least, in pairs; bounds the tiles of a batch
 
 
@@ -27,21 +31,39 @@ class TileLists:
     count: NDArray[np.intp]
 
 
-def bin_band(splats: Splats, columns: int, row_begin: int, row_end: int) -> TileLists:
+@dataclass(frozen=True)
+class Order:
+    """The M splats to draw, front to back: slots (M,) and their first and last tile rows (M,)."""
+
+    slots: IndexArray
+    first: Int16Array
+    last: Int16Array
+
+    @classmethod
+    def of(cls, splats: Splats, slots: IndexArray) -> Order:
+        return cls(slots, splats.first.take(slots), splats.last.take(slots))
+
+
+def bin_band(splats: Splats, order: Order, columns: int, row_begin: int, row_end: int) -> TileLists:
     """Tile lists of the tile rows [row_begin, row_end) of an image `columns` tiles wide."""
-    lo = np.floor((splats.my - splats.ey - np.float32(0.5)) * np.float32(1 / TILE))
-    hi = np.floor((splats.my + splats.ey - np.float32(0.5)) * np.float32(1 / TILE))
-    index = np.flatnonzero((hi >= row_begin) & (lo < row_end))
-    first = np.maximum(lo.take(index), row_begin).astype(np.int32)
-    rows = np.minimum(hi.take(index), row_end - 1).astype(np.int32) - first + 1
-    g, row = _expand(index.astype(np.int32), first, rows)
-    begin, length = _span(splats, g, row, columns)
-    base = (row - np.int32(row_begin)) * np.int32(columns) + begin
-    listed, tile = _expand(g, base, length)
-    tiles = columns * (row_end - row_begin)
-    order = np.argsort(tile.astype(np.uint16), kind="stable")
-    count = np.bincount(tile, minlength=tiles)
-    return TileLists(listed.take(order), np.cumsum(count) - count, count)
+    hit = np.flatnonzero((order.last >= row_begin) & (order.first < row_end))
+    first, rows = np.maximum(order.first.take(hit), row_begin), np.minimum(order.last.take(hit), row_end - 1)
+    rows -= first
+    rows += 1
+    spans = _expand(_pack(order.slots.take(hit), first), rows)
+    row = spans.astype(np.int32)
+    slots = np.right_shift(spans, 32, out=spans)
+    begin, length = _span(splats.shape.take(slots, axis=0), row, columns)
+    row -= row_begin
+    row *= columns
+    row += begin
+    some = np.flatnonzero(length > 0)
+    pairs = _expand(_pack(slots, row).take(some), length.take(some))
+    tile = pairs.astype(np.uint16)
+    by_tile = np.argsort(tile, kind="stable")
+    starts = np.searchsorted(tile.take(by_tile), np.arange(columns * (row_end - row_begin) + 1, dtype=np.uint16))
+    listed = np.right_shift(pairs, 32, out=pairs).take(by_tile)
+    return TileLists(listed.astype(np.int32), starts[:-1], np.diff(starts))
 
 
 def join_bands(bands: Sequence[TileLists]) -> TileLists:
@@ -52,39 +74,71 @@ def join_bands(bands: Sequence[TileLists]) -> TileLists:
 
 
 def plan_batches(count: NDArray[np.intp]) -> list[NDArray[np.intp]]:
-    """The tiles that list anything, in batches of about BATCH_PAIRS pairs, longest lists first.
+    """The tiles that list anything, in batches of about BATCH_PAIRS pairs, longest lists first, less in the last ones.
 
-    Lists of one length fill a batch's rounds evenly, and the workers that share the batches end together.
+    Lists of one length fill a batch's rounds evenly; small last batches let the workers that share them end together.
     """
     order = np.argsort(-count, kind="stable")[: np.count_nonzero(count)]
-    batch = (np.cumsum(np.maximum(count[order], TILE_COST)) - 1) // BATCH_PAIRS
-    return np.split(order, np.flatnonzero(np.diff(batch)) + 1) if len(order) else []
+    if not len(order):
+        return []
+    pairs = np.cumsum(np.maximum(count[order], TILE_COST)) - 1
+    late = max(0, int(pairs[-1]) - LAST_PAIRS)
+    batch = pairs // BATCH_PAIRS + np.maximum(pairs - late, 0) // (BATCH_PAIRS // 4)
+    return np.split(order, np.flatnonzero(np.diff(batch)) + 1)
 
 
-def _expand(values: Int32Array, first: Int32Array, counts: Int32Array) -> tuple[Int32Array, Int32Array]:
-    """Each value repeated `counts` times, beside the running number first, first + 1, ..."""
-    ends = np.cumsum(counts)
-    total = int(ends[-1]) if len(ends) else 0
-    shift = first - (ends - counts).astype(np.int32)
-    source = np.repeat(np.arange(len(values)), counts)
-    running = shift.take(source)
-    running += np.arange(total, dtype=np.int32)
-    return values.take(source), running
+def _pack(high: IndexArray, low: Int16Array | Int32Array) -> Int64Array:
+    """Two numbers in one, of 32 bits each; low >= 0."""
+    out = np.left_shift(high, 32, dtype=np.int64)
+    out |= low
+    return out
 
 
-def _span(splats: Splats, g: Int32Array, row: Int32Array, columns: int) -> tuple[Int32Array, Int32Array]:
-    """First tile column and number of columns that the ellipse of splat g covers within tile row `row`."""
-    my, tilt = splats.my.take(g), splats.tilt.take(g)
-    top = row.astype(np.float32) * np.float32(TILE) + np.float32(0.5) - my
-    bottom = top + np.float32(TILE - 1)
-    skew, l3, cut = splats.skew.take(g), splats.l3.take(g), splats.cut.take(g)
-    inverse, mx = np.float32(1) / splats.l1.take(g), splats.mx.take(g) - np.float32(0.5)
+def _expand(values: Int64Array, counts: Int16Array | Int32Array) -> Int64Array:
+    """value, value + 1, ... for each value (n,), `counts` (n,) >= 1 times.
 
-    def edge(dy: Float32Array, sign: int) -> Float32Array:
-        # q = (l1 dx + l2 dy)^2 + (l3 dy)^2 <= cut at this dy; the ellipse is convex, so its extreme over the row is here
-        half = np.sqrt(np.maximum(cut - np.square(l3 * dy), np.float32(0))) * inverse
-        return np.asarray(np.floor((mx - skew * dy + sign * half) * np.float32(1 / TILE)))
+    A running sum over ones with a jump where the next value begins: np.repeat takes seven times as long and keeps the
+    interpreter lock.
+    """
+    ends = np.cumsum(counts, dtype=np.intp)
+    out = np.ones(ends[-1] if len(ends) else 0, np.int64)
+    if len(out):
+        jump = np.diff(values)
+        jump -= counts[:-1]
+        jump += 1
+        out[0] = values[0]
+        out[ends[:-1]] = jump
+        np.cumsum(out, out=out)
+    return out
 
-    begin = np.clip(edge(np.clip(-tilt, top, bottom), -1), 0, columns).astype(np.int32)
-    end = np.clip(edge(np.clip(tilt, top, bottom), 1), -1, columns - 1).astype(np.int32)
-    return begin, np.asarray(np.maximum(end - begin + np.int32(1), np.int32(0)))
+
+def _span(shape: Float32Array, row: Int32Array, columns: int) -> tuple[Int32Array, Int32Array]:
+    """First tile column and number of columns (n,), at most 0 for none, that an ellipse covers within a tile row.
+
+    shape (n, SHAPE): rows of `Splats.shape`; row (n,).
+    """
+    s = np.empty((SHAPE, len(row)), np.float32)
+    if len(row):
+        cv2.transpose(shape, s)
+    top = row * np.float32(TILE)
+    top -= s[S_Y]
+    # the rows at which the ellipse reaches furthest left and right, or the ones nearest to them
+    dy = s[S_TILT] * np.array([[-1], [1]], np.float32)
+    np.clip(dy, top, top + np.float32(TILE - 1), out=dy)
+    # q = (l1 dx + l2 dy)^2 + (l3 dy)^2 <= cut at this dy; the ellipse is convex, so its extreme over the row is here
+    half = dy * s[S_L3]
+    np.square(half, out=half)
+    np.subtract(s[S_CUT], half, out=half)
+    np.maximum(half, np.float32(0), out=half)
+    np.sqrt(half, out=half)
+    half *= s[S_INVERSE]
+    dy *= s[S_SKEW]
+    np.subtract(s[S_X], dy, out=dy)
+    dy[0] -= half[0]
+    dy[1] += half[1]
+    np.floor(dy, out=dy)
+    np.clip(dy, np.array([[0], [-1]], np.float32), np.array([[columns], [columns - 1]], np.float32), out=dy)
+    begin, length = dy.astype(np.int32)
+    length -= begin
+    length += 1
+    return begin, length

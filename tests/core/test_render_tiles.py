@@ -3,7 +3,7 @@
 import numpy as np
 
 from core.render.blend import ROUND_PAIRS
-from core.render.tiles import BATCH_PAIRS, TileLists, join_bands, plan_batches
+from core.render.tiles import BATCH_PAIRS, TileLists, _expand, join_bands, plan_batches
 
 
 def test_batches_hold_every_listed_tile_once_longest_first() -> None:
@@ -12,7 +12,9 @@ def test_batches_hold_every_listed_tile_once_longest_first() -> None:
     order = np.concatenate(batches)
     assert np.array_equal(np.sort(order), np.flatnonzero(count))
     assert (np.diff(count[order]) <= 0).all()
-    assert max(count[b].sum() for b in batches) <= BATCH_PAIRS + count.max()
+    pairs = [count[b].sum() for b in batches]
+    assert max(pairs) <= BATCH_PAIRS + count.max()
+    assert max(pairs[-5:]) <= BATCH_PAIRS / 4 + count.max(), "the last are small, so that threads end together"
 
 
 def test_a_batch_of_short_lists_fits_a_round_and_no_lists_make_no_batch() -> None:
@@ -26,3 +28,11 @@ def test_joined_bands_list_what_each_listed() -> None:
     both = join_bands([a, b])
     lists = [both.splats[s : s + n].tolist() for s, n in zip(both.start, both.count, strict=True)]
     assert lists == [[5, 3], [9], [], [4]]
+
+
+def test_numbers_are_expanded_in_their_order() -> None:
+    rng = np.random.default_rng(4)
+    values, counts = rng.integers(0, 1 << 50, 300), rng.integers(1, 20, 300)
+    want = [v + i for v, n in zip(values.tolist(), counts.tolist(), strict=True) for i in range(n)]
+    assert _expand(values, counts).tolist() == want
+    assert _expand(values[:0], counts[:0]).tolist() == []
