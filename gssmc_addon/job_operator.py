@@ -33,13 +33,20 @@ class JobOperator:
         """The operator's result when the user stopped the job."""
         return self.refuse(context, "The work was cancelled; nothing was changed.", level="INFO")
 
+    def broke_off(self, context: bpy.types.Context, job: Job, message: str) -> set[str]:
+        """The operator's result when the job could not go on."""
+        return self.refuse(context, message)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Blocking; the way of scripts and background mode."""
         try:
             job = self.gather(context)
-            return self.apply(context, job, job.run())
         except GssmcError as error:
             return self.refuse(context, str(error))
+        try:
+            return self.apply(context, job, job.run())
+        except GssmcError as error:
+            return self.broke_off(context, job, str(error))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return self.begin(context)
@@ -73,7 +80,7 @@ class JobOperator:
             return self.apply(context, job, result)
         except GssmcError as error:
             jobs.end(job)
-            return self.refuse(context, str(error))
+            return self.broke_off(context, job, str(error))
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator: the window closes, or another file is opened."""

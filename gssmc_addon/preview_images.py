@@ -85,6 +85,7 @@ def _is_ours(image: bpy.types.Image | None) -> bool:
 def set_behind(data: bpy.types.Camera, image: bpy.types.Image | None) -> None:
     """Makes `image` the camera's preview background; None takes the preview away. The photo's own background stays."""
     slots = [slot for slot in data.background_images if _is_ours(slot.image)]
+    data.update_tag()  # removing a background alone does not reach the viewport's copy of the camera
     if image is None:
         for slot in slots:
             data.background_images.remove(slot)

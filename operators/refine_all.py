@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import EnumProperty
 
-from ..gssmc_addon import photo_queue, properties
+from ..gssmc_addon import photo_list, photo_queue, properties
 from ..gssmc_addon.job_operator import JobOperator
 
 WHICH = (
@@ -30,6 +30,13 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
     def description(cls, context, properties):
         return f"{cls.__doc__}. {next(item[2] for item in WHICH if item[0] == properties.which)}"
 
+    @classmethod
+    def poll(cls, context):
+        if not any(photo_list.camera_of(context.scene, entry) for entry in context.scene.gssmc.photos):
+            cls.poll_message_set("There are no photos on the list; use Add Photos first")
+            return False
+        return super().poll(context)
+
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
@@ -47,6 +54,11 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
         message = f"Stopped. {job.summary()}"
         self.tell(context, message)
         self.report({"INFO"}, message)
+        return {"FINISHED" if job.refined else "CANCELLED"}
+
+    def broke_off(self, context, job, message):
+        """As after a stop; without this, what was refined before would be in no undo step."""
+        self.refuse(context, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 
 
