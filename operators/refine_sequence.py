@@ -28,8 +28,8 @@ class GSSMC_OT_refine_sequence(JobOperator, bpy.types.Operator):
         ),
         "every_frame": BoolProperty(
             name="Key Every Frame",
-            description="Fill the frames between with keys too, along a smooth path; else Blender's curves fill them",
-            default=False,
+            description="Key the frames between too, on a smooth path; else Blender's curves do, which ease in and out",
+            default=True,
         ),
         "key_lens": BoolProperty(
             name="Key the Lens",
