@@ -68,11 +68,14 @@ class Fan:
 
 @dataclass(frozen=True)
 class Step:
-    """The end of one iteration: the query (its lens may have changed), the answer if there is one, and the record."""
+    """The end of one iteration: the query (its lens may have changed), the answer if there is one, and the record. `refocused`:
+    there is a pose but no fit of it, because the focal length changed by more than renders and photo can be aligned across.
+    """
 
     query: Query
     found: Answer | None
     record: IterationRecord
+    refocused: bool = False
 
 
 @dataclass(frozen=True)
@@ -113,8 +116,7 @@ class Loop:
             query, found = step.query, step.found
             if found is None:
                 problem = _too_few(observations, step.record)
-                # a pose came out, but no fit of it: look around it before looking farther
-                fan, pose = (narrow if step.record.inliers else fan.wider()), step.record.pose
+                fan, pose = (narrow if step.refocused else fan.wider()), step.record.pose
                 loop, query = loop.stronger(query, step.record.views_used, len(observations))
                 continue
             if best is not None and not _supports(found, best):
@@ -168,8 +170,8 @@ class Loop:
         if coarse is None:
             return Step(query, None, IterationRecord(index, len(usable), matches, 0, float("nan"), pose))
         if not settled:  # photo and renders differ in scale: the next iteration's renders will not
-            held = sum(u.support for u in usable) or 1
-            return Step(query, None, IterationRecord(index, len(usable), matches, held, float("nan"), coarse))
+            held = sum(u.support for u in usable)
+            return Step(query, None, IterationRecord(index, len(usable), matches, held, float("nan"), coarse), refocused=True)
         fit, views = self._fit(query, coarse, observations)
         inliers = sum(len(v) for v in views)
         if fit is None:
