@@ -30,6 +30,7 @@ MAX_SPREAD = 0.3  # of the median depth; beyond, the candidates leave the place
 MAX_SPREAD_DEG = 20.0
 MIN_SEARCH_DEG = 3.0  # a search that keeps looking the same way finds nothing new
 SEARCH_RATIO = 0.9  # of the ratio test while searching: more matches, more of them wrong, which the geometry sorts out
+SEARCH_CANDIDATES = 2  # times the candidates of a narrow fan: in a wide one few look the photo's way
 INSIDE_FAN_DEG = 6.0  # an answer turned less than this from the views matches them as well as it ever will
 LOOP_SHARE = 0.7  # of the whole progress
 
@@ -136,7 +137,7 @@ class Loop:
         """Renders and matches the reference and its candidates; empty when the reference sees nothing of the scan."""
         narrow = fan.ratio <= self.settings.perturb_translation_ratio
         frontend = self.frontend if narrow else searching(self.frontend)
-        count = self.settings.candidates if self.settings.multiview else 0
+        count = self.settings.candidates * (1 if narrow else SEARCH_CANDIDATES) if self.settings.multiview else 0
         yield self._progress(index + 1, "rendering the reference view", index)
         reference = observe(self.renderer, query, pose, True, frontend)
         if reference.opaque < MIN_OPAQUE:
