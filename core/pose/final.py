@@ -121,15 +121,20 @@ def solve_views(
     depth: float,
 ) -> Solution:
     """The fit of the views by the stage of the settings; "auto" takes the one that best explains the reference view's matches,
-    which take no part in any of the fits: at (nearly) no baseline they lean neither to epipolar lines nor to depth.
+    which take no part in those fits: at (nearly) no baseline they lean neither to epipolar lines nor to depth.
     """
     problem = JointProblem.of(views, k, prior, mode)
     if settings.final in STAGES:
         stage: Stage = settings.final
-        return from_joint(fit_joint(camera, problem, stage), problem, stage, depth)
-    fits = {stage: fit_joint(camera, problem, stage) for stage in STAGES}
-    stage = choose(fits, JointProblem.of([reference], k, prior, mode))
-    return from_joint(fits[stage], problem, stage, depth)
+        start = camera
+    else:
+        fits = {stage: fit_joint(camera, problem, stage) for stage in STAGES}
+        stage = choose(fits, JointProblem.of([reference], k, prior, mode))
+        start = fits[stage].camera
+    if stage != "epipolar" and len(reference) >= MIN_CORNERS:
+        # chosen without it, fitted with it; lines of (nearly) no baseline would only turn with the noise
+        problem = JointProblem.of([*views, reference], k, prior, mode)
+    return from_joint(fit_joint(start, problem, stage), problem, stage, depth)
 
 
 def choose(fits: dict[Stage, JointFit], held_out: JointProblem) -> Stage:
