@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.render.project import depth_order
+from ..core.render.project import ascending_order
 from ..core.render.view import INRIA_NEAR, NEAR_RATIO
 from ..core.splats.activate import SH_C0
 
@@ -95,7 +95,7 @@ def back_to_front(means: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Indices of `means` (n, 3) from the farthest to the nearest, as float32, when the view looks along -`direction`."""
     height = means @ direction.astype(np.float32)
     height -= height.min()
-    return depth_order(height).astype(np.float32)  # the nearest stand highest along `direction`, and are drawn last
+    return ascending_order(height).astype(np.float32)  # the nearest stand highest along `direction`, and are drawn last
 
 
 def order_table(order: np.ndarray) -> np.ndarray:

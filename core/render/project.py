@@ -181,10 +181,10 @@ def _write(
 def depth_order(splats: Splats) -> IndexArray:
     """The filled slots, front to back; equal depths keep the file's order."""
     filled = np.flatnonzero(splats.last >= splats.first)
-    return filled.take(_ascending(splats.z.take(filled)))
+    return filled.take(ascending_order(splats.z.take(filled)))
 
 
-def _ascending(z: Float32Array) -> IndexArray:
+def ascending_order(z: Float32Array) -> IndexArray:
     """Stable ascending order of positive float32: their bits, radix-sorted in two halves (numpy does that for 16 bits)."""
     bits = z.view(np.uint32)
     first = np.argsort(bits.astype(np.uint16), kind="stable")

@@ -36,7 +36,7 @@ TEXTS = {
     "colmap cut off": ("images.txt", f"1 {LINE} 1 a.png\n\n2 0.5 -0.5", "Line 3 of 'images.txt' has 3 columns"),
     "colmap twice": ("images.txt", f"1 {LINE} 1 a.png\n\n2 {LINE} 1 a.png\n\n", "more than once"),
     "no json": ("c.json", "{", "is no valid JSON"),
-    "json of nothing": ("c.json", "{}", "lacks width"),
+    "json of nothing": ("c.json", "{}", "lacks R, t"),
     "frames of one": ("c.json", '{"frames": {}}', "no list of cameras"),
     "no frames": ("c.json", '{"frames": []}', "holds no poses"),
     "frames of numbers": ("c.json", "[1, 2]", "Camera 1 of 'c.json' is not a JSON object"),
