@@ -17,6 +17,7 @@ from .hypotheses import candidate_poses
 from .joint import STAGES, JointFit, JointProblem, Stage, fit_joint, held_out_px
 from .lens import LensCamera, LensMode
 from .matches import ViewMatches
+from .observe import MIN_ALPHA
 from .settings import RefineSettings
 from .solution import Solution, from_joint
 from .working import WorkingPhoto
@@ -83,7 +84,8 @@ def _pass(
     yield "rendering the photo's view"
     view = renderer.render(photo.pinhole, pose)
     corners = pick_corners(photo, pose, view)
-    depth = float(np.median(view.depth[view.alpha >= 0.5])) if (view.alpha >= 0.5).any() else 0.0
+    solid = view.alpha >= MIN_ALPHA
+    depth = float(np.median(view.depth[solid])) if solid.any() else 0.0
     if len(corners.pixels) < MIN_CORNERS or depth <= 0:
         return None
     reference = match_corners(view, photo, pose, pose, corners, reference=True)

@@ -20,7 +20,7 @@ from .matches import ViewMatches
 from .observe import Observation, Query, observe
 from .report import IterationRecord, RefineProgress
 from .settings import RefineSettings
-from .solve import coarse_pose, fine_matches, fine_pose, keep_distance, usable_views
+from .solve import UsableView, coarse_pose, fine_matches, fine_pose, keep_distance, usable_views
 from .verify import compare
 
 MIN_OPAQUE = 0.02  # a reference view with less of the scan in it looks away from it
@@ -173,7 +173,7 @@ class Loop:
         if not settled:  # photo and renders differ in scale: the next iteration's renders will not
             held = sum(u.support for u in usable)
             return Step(query, None, IterationRecord(index, len(usable), matches, held, float("nan"), coarse), refocused=True)
-        fit, views = self._fit(query, coarse, observations)
+        fit, views = self._fit(query, coarse, observations, usable)
         inliers = sum(len(v) for v in views)
         if fit is None:
             return Step(query, None, IterationRecord(index, len(usable), matches, inliers, float("nan"), coarse))
@@ -181,12 +181,12 @@ class Loop:
         return Step(query, Answer(fit, tuple(views), observations[0].median_depth, query.image.intrinsics), record)
 
     def _fit(
-        self, query: Query, coarse: Pose, observations: Sequence[Observation]
+        self, query: Query, coarse: Pose, observations: Sequence[Observation], usable: Sequence[UsableView]
     ) -> tuple[EpipolarFit | None, list[ViewMatches]]:
         """The fine stage from the coarse pose, or, where it is switched off, the coarse pose measured."""
         K = query.pinhole.matrix
         if not self.settings.epipolar:
-            views = [u.inliers for u in usable_views(observations, query.pinhole.focal)]
+            views = [u.inliers for u in usable]
             return (measure_epipolar(coarse, views, K) if views else None), views
         views = fine_matches(coarse, observations, query, self.frontend)
         fit = fine_pose(coarse, views, K) if views else None

@@ -117,13 +117,13 @@ class _Job:
         self, query: Query, answer: Answer, iterations: int, rng: np.random.Generator
     ) -> Generator[RefineProgress, None, tuple[Solution, FinalView]]:
         """The last stage after the loop, and the independent look at what it gave."""
-        loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth)
         image = query.image.with_intrinsics(answer.intrinsics)
         solution: Solution | None = None
         if self.settings.has_final_stage:
             solution = yield from self._final(answer, iterations, rng)
         yield RefineProgress(iterations, self.settings.iterations, "checking the answer", 0.97)
         if solution is None:
+            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth)
             return loop, view_at(self.renderer, image, loop.camera.pose)
         lens = solution.camera.intrinsics.resized(image.intrinsics.width, image.intrinsics.height)
         seen = view_at(self.renderer, image.with_intrinsics(lens), solution.camera.pose)
