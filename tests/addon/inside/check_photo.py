@@ -209,8 +209,8 @@ def add_camera(bpy):
 
 
 def write_exr(bpy, path, light):
-    """An OpenEXR file of (H, W, 4) linear values, by Blender itself."""
-    image = bpy.data.images.new("made", light.shape[1], light.shape[0], alpha=True, float_buffer=True)
+    """An OpenEXR file of (H, W, 4) linear values, by Blender itself: as data, for it would write a picture as seen."""
+    image = bpy.data.images.new("made", light.shape[1], light.shape[0], alpha=True, float_buffer=True, is_data=True)
     image.pixels.foreach_set(np.ascontiguousarray(light[::-1], np.float32).ravel())
     image.file_format, image.filepath_raw = "OPEN_EXR", str(path)
     image.save()
