@@ -12,6 +12,7 @@ from ..core import conventions
 from ..core.camera import Camera, Intrinsics, Pose
 from ..core.conventions import BlenderLens, Similarity
 from ..core.errors import CameraError
+from .texts import rpt_
 
 DIST_NAMES = ("k1", "k2", "p1", "p2", "k3")
 MATRIX_TOLERANCE = 1e-4  # float32 through a parent's inverse
@@ -44,7 +45,8 @@ def splat_similarity(splat: bpy.types.Object) -> Similarity:
 def read_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object) -> CameraCopy:
     """Copies the camera. Raises CameraError when no pinhole camera of the splat's world can be made of it."""
     if camera.data.type != "PERSP":
-        raise CameraError(f'The camera "{camera.name}" is {camera.data.type.lower()}; set its type to Perspective.')
+        kind = camera.data.type.lower()
+        raise CameraError(rpt_('The camera "{name}" is {kind}; set its type to Perspective.', name=camera.name, kind=kind))
     pose = conventions.pose_from_blender(np.array(camera.matrix_world), splat_similarity(splat))
     data = camera.data
     guessed = not data.gssmc.lens_calibrated
@@ -95,8 +97,11 @@ def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.ty
     if max(turned, (got.translation - matrix.translation).length / far) > MATRIX_TOLERANCE:
         camera.matrix_basis = before
         raise CameraError(
-            f'The camera "{camera.name}" cannot take its pose below its parent, which is scaled unevenly; '
-            "clear the parent's scale or the parenting."
+            rpt_(
+                'The camera "{name}" cannot take its pose below its parent, which is scaled unevenly; '
+                "clear the parent's scale or the parenting.",
+                name=camera.name,
+            )
         )
     camera.data.gssmc.lens_calibrated = not result.focal_guessed
     return write_intrinsics(scene, camera.data, result.intrinsics)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..core.errors import SplatFormatError
+from .texts import rpt_
 
 
 def new_cloud(name: str, count: int) -> bpy.types.PointCloud:
@@ -40,7 +41,7 @@ def _converted(name: str, count: int) -> bpy.types.PointCloud:
             cloud.attributes.remove(select)
     except RuntimeError as error:
         raise SplatFormatError(
-            f"Blender 4.5 made no point cloud ({str(error).strip()}); leave Edit Mode and try again."
+            rpt_("Blender 4.5 made no point cloud ({reason}); leave Edit Mode and try again.", reason=str(error).strip())
         ) from error
     finally:
         bpy.data.objects.remove(carrier)

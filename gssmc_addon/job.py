@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import GssmcError, RefineError
+from .texts import n_
 from .worker import Failure, Finished, Steps, Worker
 
 TICK_S = 0.1
@@ -23,10 +24,10 @@ def redraw() -> None:
 class Job:
     """`start()` it, then `tick()` from the main thread until that gives a result.
 
-    `status` stands in the status bar; `fraction` (0..1), `step` and `detail` are for the panel's progress bar.
+    `status` stands in the status bar, looked up there; `fraction` (0..1), `step` and `detail` are for the panel's progress bar.
     """
 
-    status = "Working    Esc: cancel"
+    status = n_("Working    Esc: cancel")
 
     def __init__(self, work: Callable[[], Steps] | None = None) -> None:
         self.cancelled = False

@@ -9,10 +9,11 @@ import bpy
 from ..core.errors import GssmcError
 from . import jobs
 from .job import Job
+from .texts import rpt_
 
 
-class JobOperator:
-    """A mixin. The operator says what to do in `gather` and what to make of the result in `apply`."""
+class Idle:
+    """A mixin for operators that stand back while a job runs."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -20,6 +21,10 @@ class JobOperator:
             cls.poll_message_set("A refinement or another job is running; wait for it or cancel it")
             return False
         return True
+
+
+class JobOperator(Idle):
+    """A mixin. The operator says what to do in `gather` and what to make of the result in `apply`."""
 
     def gather(self, context: bpy.types.Context) -> Job:
         """The job, with all its inputs copied out of Blender. Raises GssmcError."""
@@ -31,7 +36,7 @@ class JobOperator:
 
     def stopped(self, context: bpy.types.Context, job: Job) -> set[str]:
         """The operator's result when the user stopped the job."""
-        return self.refuse(context, "The work was cancelled; nothing was changed.", level="INFO")
+        return self.refuse(context, rpt_("The work was cancelled; nothing was changed."), level="INFO")
 
     def broke_off(self, context: bpy.types.Context, job: Job, message: str) -> set[str]:
         """The operator's result when the job could not go on."""

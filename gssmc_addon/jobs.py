@@ -20,9 +20,15 @@ from ..core.pose.settings import RefineSettings
 from . import camera_bridge, camera_channels, plate_source, preferences, problem, properties, splat_object
 from .job import TICK_S, Job, redraw
 from .splat_renderer import SplatRenderer
+from .texts import iface_, n_, rpt_
 from .worker import RefineInputs, refinement
 
 SHUTDOWN_JOIN_S = 5.0
+REMOVED = {
+    "splat": n_('The splat "{name}" was removed while the refinement ran; nothing was changed.'),
+    "camera": n_('The camera "{name}" was removed while the refinement ran; nothing was changed.'),
+    "photo": n_('The photo "{name}" was removed while the refinement ran; nothing was changed.'),
+}
 
 
 @dataclass(frozen=True)
@@ -44,12 +50,12 @@ class Targets:
         """The live scene, splat and camera. Raises RefineError when something is gone."""
         scene = by_uid(bpy.data.scenes, self.scene)
         if scene is None:
-            raise RefineError("The scene was removed while the refinement ran; nothing was changed.")
+            raise RefineError(rpt_("The scene was removed while the refinement ran; nothing was changed."))
         splat, camera = by_uid(scene.objects, self.splat), by_uid(scene.objects, self.camera)
         found = (splat, camera, by_uid(bpy.data.images, self.photo))
-        for what, name, item in zip(("splat", "camera", "photo"), self.names, found, strict=True):
+        for what, name, item in zip(REMOVED, self.names, found, strict=True):
             if item is None:
-                raise RefineError(f'The {what} "{name}" was removed while the refinement ran; nothing was changed.')
+                raise RefineError(rpt_(REMOVED[what], name=name))
         return scene, splat, camera
 
 
@@ -60,7 +66,7 @@ def by_uid(blocks: Iterable[Any], uid: int) -> Any:
 class RefineJob(Job):
     """One refinement of one camera; its result is the RefineReport."""
 
-    status = "Refining the camera    Esc: cancel"
+    status = n_("Refining the camera    Esc: cancel")
 
     def __init__(self, targets: Targets, inputs: RefineInputs) -> None:
         super().__init__(partial(refinement, inputs))
@@ -72,7 +78,7 @@ class RefineJob(Job):
 
     def note(self, news: RefineProgress) -> None:
         self.fraction, self.step = news.fraction, news.step
-        self.detail = f"Iteration {max(news.iteration, 1)} of {news.iterations}"
+        self.detail = iface_("Iteration {number} of {count}", number=max(news.iteration, 1), count=news.iterations)
 
 
 def gather(
@@ -87,14 +93,11 @@ def gather(
 
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
-    if splat is None:
-        raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
-    if splat.name not in scene.objects:
-        raise RefineError(f'The splat "{splat.name}" is no longer in the scene; pick another one in the panel.')
+    splat_object.check_picked(scene, splat)
     if camera is None or camera.type != "CAMERA":
-        raise RefineError("The scene has no camera for the photo; use Add Photo in the GS-SMC panel.")
+        raise RefineError(rpt_("The scene has no camera for the photo; use Add Photo in the GS-SMC panel."))
     if photo is None:
-        raise RefineError(f'The camera "{camera.name}" has no photo; use Add Photo in the GS-SMC panel.')
+        raise RefineError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
     check_choice(settings)
     camera_channels.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
@@ -122,14 +125,15 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
     if report.verdict != "failed":
         camera_channels.check_writable(camera)
         if camera_bridge.write_camera(scene, camera, splat, report.camera):
-            notes.append("The render's pixel aspect was set to the camera's.")
+            notes.append(rpt_("The render's pixel aspect was set to the camera's."))
         if keyed := camera_channels.write_keyframes(scene, camera):
             notes.append(keyed)
     properties.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
-    first = report.reasons[0] if report.reasons else ""
+    values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
-        return f'No camera was found for "{camera.name}", which stays where it was: {first}'
-    return " ".join([f'"{camera.name}" was refined ({report.verdict}) in {report.seconds:.1f} s: {first}', *notes])
+        return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
+    values |= {"verdict": iface_(properties.VERDICT_NAMES[report.verdict.upper()]).lower(), "seconds": report.seconds}
+    return " ".join([rpt_('"{name}" was refined ({verdict}) in {seconds:.1f} s: {reason}', **values), *notes])
 
 
 class _Slot:
@@ -152,7 +156,7 @@ def begin(context: bpy.types.Context, job: Job) -> None:
     """Makes `job` the running one and starts its thread and its timer."""
     _slot.job = job
     _slot.timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
-    context.workspace.status_text_set(job.status)
+    context.workspace.status_text_set(iface_(job.status))
     job.start()
 
 

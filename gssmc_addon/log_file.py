@@ -6,6 +6,8 @@ import logging
 
 import bpy
 
+from .texts import rpt_
+
 ROOT = __package__.rpartition(".")[0]  # the extension's own package: engine, add-on and operators log below it
 FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 _handlers: list[logging.FileHandler] = []
@@ -19,7 +21,7 @@ def set_file(path: str) -> str:
     try:
         handler = logging.FileHandler(bpy.path.abspath(path), encoding="utf-8")
     except OSError as error:
-        return f"The log file cannot be written ({error.strerror}); choose another place."
+        return rpt_("The log file cannot be written ({reason}); choose another place.", reason=error.strerror)
     handler.setFormatter(logging.Formatter(FORMAT))
     logger = logging.getLogger(ROOT)
     logger.addHandler(handler)

@@ -8,6 +8,7 @@ import bpy
 
 from . import jobs, photo_image, preferences, properties, splat_object, viewport_props
 from .job import Job
+from .texts import iface_
 
 CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4
@@ -60,7 +61,7 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
         column.prop(view, "lock_camera", text="Move Camera With View", toggle=True)
         column.operator("gssmc.camera_from_view")
         if camera.data.gssmc.verdict == "NONE" and not jobs.active():
-            draw_text(layout, context, "Bring the camera to about where the photo was taken, then refine.")
+            draw_text(layout, context, iface_("Bring the camera to about where the photo was taken, then refine."))
 
 
 def _draw_progress(layout: bpy.types.UILayout, job: Job) -> None:
@@ -89,7 +90,7 @@ def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera:
 
 
 def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """A sentence, wrapped to the sidebar's width."""
+    """A sentence in the user's language, wrapped to the sidebar's width."""
     scale = context.preferences.system.ui_scale
     width = max(16, int((context.region.width / scale - 60) / PIXELS_PER_CHARACTER))
     column = layout.column(align=True)
@@ -118,7 +119,7 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         column.prop(data, "shift_y", text="Y")
         column = self.layout.column(align=True)
         for name in ("k1", "k2", "p1", "p2", "k3"):
-            column.prop(data.gssmc, name, text=f"Distortion {name}" if name == "k1" else name)
+            column.prop(data.gssmc, name, text="Distortion k1" if name == "k1" else name)
         column = self.layout.column(align=True)
         column.operator("gssmc.undistort_photo")
         column.operator("gssmc.match_resolution")
@@ -144,7 +145,7 @@ def _draw_missing_model(layout: bpy.types.UILayout, context: bpy.types.Context, 
     """Says that a choice lacks its model file, with the way to the preferences."""
     kind = preferences.LEARNED.get(choice)
     if kind and not preferences.model_for(context, choice):
-        layout.label(text=f"{kind.title} needs a model file", icon="ERROR")
+        layout.label(text=iface_("{name} needs a model file", name=kind.title), icon="ERROR")
         layout.operator("preferences.addon_show", text="Open Preferences").module = preferences.PACKAGE
 
 

@@ -13,6 +13,7 @@ from ..core.errors import CameraError
 from ..core.lens_guess import guess_lens
 from ..core.photo import Photo, check_size
 from . import camera_bridge, camera_channels, photo_image, properties
+from .texts import rpt_
 
 DEFAULT_LENS_MM = 35.0  # on Blender's sensor of 36 mm, as DEFAULT_FOV_DEG of core.lens_guess
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
@@ -24,7 +25,7 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
     Raises CameraError when none names the photo or no splat can carry the pose, PhotoError when the shapes differ.
     """
     if not scene.gssmc.splat:
-        raise CameraError("The camera file's pose needs a splat to stand in; import the splat first.")
+        raise CameraError(rpt_("The camera file's pose needs a splat to stand in; import the splat first."))
     camera_bridge.splat_similarity(scene.gssmc.splat)
     cameras = read_starts(Path(bpy.path.abspath(path)))
     name = Path(photo.file).name
@@ -32,7 +33,13 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
     if not named and len(cameras) == 1:
         named = cameras
     if not named:
-        raise CameraError(f'The camera file "{Path(path).name}" has no camera for "{name}"; add one whose "file" is that name.')
+        raise CameraError(
+            rpt_(
+                'The camera file "{file}" has no camera for "{photo}"; add one whose "file" is that name.',
+                file=Path(path).name,
+                photo=name,
+            )
+        )
     camera = named[0].camera(guess_lens(photo).intrinsics)
     return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
 
@@ -42,7 +49,7 @@ def choose_camera(context: bpy.types.Context, mode: str, photo_name: str) -> bpy
     current = context.scene.camera
     usable = current is not None and current.type == "CAMERA"
     if mode == "SCENE" and not usable:
-        raise CameraError("The scene has no camera to take; choose New Camera.")
+        raise CameraError(rpt_("The scene has no camera to take; choose New Camera."))
     view = _region_3d(context)
     free = usable and photo_image.camera_photo(current) is None and (view is None or view.view_perspective == "CAMERA")
     if mode == "SCENE" or (mode == "AUTO" and free):
@@ -86,8 +93,8 @@ def fit_camera(
     if given:
         camera_bridge.write_camera(scene, camera, scene.gssmc.splat, given)
         camera_channels.write_keyframes(scene, camera)
-        guess = " (the lens is a guess)" if given.focal_guessed else ""
-        notes.append(f"Pose and lens are those of the camera file{guess}.")
+        guessed = rpt_("Pose and lens are those of the camera file (the lens is a guess).")
+        notes.append(guessed if given.focal_guessed else rpt_("Pose and lens are those of the camera file."))
     else:
         data.gssmc.lens_calibrated = False
         notes.append(_lens_from_exif(scene, data, photo))
@@ -99,11 +106,14 @@ def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo
     if not photo.focal_35mm:
         render = scene.render
         data.gssmc.frame_x, data.gssmc.frame_y = render.resolution_x, render.resolution_y
-        return f"The photo tells no focal length: Refine starts from the camera's ({data.lens:.3g} mm) and solves for it."
+        return rpt_(
+            "The photo tells no focal length: Refine starts from the camera's ({lens:.3g} mm) and solves for it.",
+            lens=data.lens,
+        )
     data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", PHOTO_SENSOR_MM
     wanted = replace(guess_lens(photo).intrinsics, dist=camera_bridge.read_distortion(data))
     camera_bridge.write_intrinsics(scene, data, wanted)
-    return f"Lens {data.lens:.3g} mm from the photo's EXIF, a start that Refine improves."
+    return rpt_("Lens {lens:.3g} mm from the photo's EXIF, a start that Refine improves.", lens=data.lens)
 
 
 def frame(scene: bpy.types.Scene, width: int, height: int, allowed: bool) -> list[str]:
@@ -113,7 +123,7 @@ def frame(scene: bpy.types.Scene, width: int, height: int, allowed: bool) -> lis
     if before[0] * height == before[1] * width or not allowed:
         return []
     render.resolution_x, render.resolution_y = width, height
-    return [f"The render resolution was {before[0]} x {before[1]} and is now the photo's."]
+    return [rpt_("The render resolution was {x} x {y} and is now the photo's.", x=before[0], y=before[1])]
 
 
 def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:

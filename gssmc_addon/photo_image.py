@@ -14,6 +14,7 @@ from ..core.exif import read_exif
 from ..core.photo import Photo, read_photo
 from ..core.photo_linear import photo_from_linear
 from ..core.photo_size import EXR_SIGNATURE
+from .texts import rpt_
 
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
 
@@ -49,7 +50,7 @@ def photo_source(image: bpy.types.Image) -> PhotoSource:
     if image.packed_file:
         return PhotoSource(image.name, path, bytes(image.packed_file.data))
     if image.source != "FILE" or not path:
-        raise PhotoError(f'The image "{image.name}" is not a photo file; add the photo with Add Photo.')
+        raise PhotoError(rpt_('The image "{name}" is not a photo file; add the photo with Add Photo.', name=image.name))
     return PhotoSource(image.name, path)
 
 
@@ -85,7 +86,11 @@ def _light(image: bpy.types.Image) -> np.ndarray:
     """Linear pixels (H, W, 4), the top row first. Raises PhotoError when Blender can't decode the image."""
     width, height = image.size
     if not width or not height or len(image.pixels) != 4 * width * height:
-        raise PhotoError(f'The OpenEXR image "{image.name}" has no plain picture that Blender can read; save it as one layer.')
+        raise PhotoError(
+            rpt_(
+                'The OpenEXR image "{name}" has no plain picture that Blender can read; save it as one layer.', name=image.name
+            )
+        )
     values = np.empty(4 * width * height, np.float32)
     image.pixels.foreach_get(values)
     return values.reshape(height, width, 4)[::-1]

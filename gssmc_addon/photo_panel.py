@@ -24,7 +24,7 @@ class GSSMC_UL_photos(bpy.types.UIList):
         if camera:
             row.prop(camera, "name", text="", emboss=False)
         else:
-            row.label(text=photo_list.title(item))
+            row.label(text=photo_list.title(item), translate=False)
         if item.error:
             row.label(text=item.error, icon="ERROR")
         elif camera is None:

@@ -17,19 +17,25 @@ from . import jobs, photo_camera, photo_image, photo_list, splat_object
 from .job import QueueJob
 from .photo_entry import GssmcPhoto
 from .splat_renderer import SplatRenderer
+from .texts import iface_, n_, rpt_
 from .worker import Steps, refinement
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".exr")
+COUNTED = {"trusted": n_("{count} trusted"), "check": n_("{count} check"), "failed": n_("{count} failed")}
 
 
 def photos_in(folder: Path) -> list[Path]:
     """The photo files right in a folder, by name. Raises RefineError when there are none."""
     if not folder.is_dir():
-        raise RefineError(f"There is no folder at '{folder}'; choose the folder of the photos.")
+        raise RefineError(rpt_("There is no folder at '{folder}'; choose the folder of the photos.", folder=folder))
     found = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file())
     if not found:
-        raise RefineError(f"The folder '{folder.name}' holds no photos (JPEG, PNG, TIFF, WebP or OpenEXR).")
+        raise RefineError(rpt_("The folder '{folder}' holds no photos (JPEG, PNG, TIFF, WebP or OpenEXR).", folder=folder.name))
     return found
+
+
+def _place(job: QueueJob) -> str:
+    return iface_("Photo {number} of {count}", number=job.index + 1, count=job.count)
 
 
 def _decoded(read: Callable[[], Photo]) -> Steps:
@@ -41,7 +47,7 @@ def _decoded(read: Callable[[], Photo]) -> Steps:
 class AddPhotosJob(QueueJob):
     """Reads the photos and gives each a camera. Its result is the job itself: `added` cameras and `failed` (file, why)."""
 
-    status = "Adding photos    Esc: stop"
+    status = n_("Adding photos    Esc: stop")
 
     def __init__(self, scene: bpy.types.Scene, paths: Sequence[Path], camera_file: str) -> None:
         super().__init__(len(paths))
@@ -52,11 +58,11 @@ class AddPhotosJob(QueueJob):
 
     def check(self) -> None:
         if bpy.context.scene.session_uid != self._scene:
-            raise RefineError("Another scene was opened while photos were added; go back to the scene and add the rest.")
+            raise RefineError(rpt_("Another scene was opened while photos were added; go back to the scene and add the rest."))
 
     def begin_item(self, index: int) -> Callable[[], Steps]:
         path = self.paths[index]
-        self.step, self.detail = path.name, f"Photo {index + 1} of {self.count}"
+        self.step, self.detail = path.name, _place(self)
         if photo_image.is_linear(str(path)):  # only Blender decodes it, and only here
             photo = photo_image.read_any_photo(str(path))
             return partial(_decoded, lambda: photo)
@@ -87,7 +93,7 @@ class RefineQueue(QueueJob):
     Its result is the job itself: `verdicts` counts them, and `failed` holds (camera, why) of those that could not begin.
     """
 
-    status = "Refining the photos    Esc: stop"
+    status = n_("Refining the photos    Esc: stop")
 
     def __init__(self, scene: bpy.types.Scene, entries: Sequence[GssmcPhoto], settings: RefineSettings) -> None:
         super().__init__(len(entries))
@@ -103,16 +109,16 @@ class RefineQueue(QueueJob):
         scene = jobs.by_uid(bpy.data.scenes, self._scene)
         if scene is None or jobs.by_uid(scene.objects, self._splat) is None:
             raise RefineError(
-                "The splat or its scene was removed while photos were refined; those done before keep their result."
+                rpt_("The splat or its scene was removed while photos were refined; those done before keep their result.")
             )
 
     def begin_item(self, index: int) -> Callable[[], Steps]:
         uid, name = self._cameras[index]
-        self.step, self.detail = name, f"Photo {index + 1} of {self.count}"
+        self.step, self.detail = name, _place(self)
         scene = jobs.by_uid(bpy.data.scenes, self._scene)
         splat, camera = jobs.by_uid(scene.objects, self._splat), jobs.by_uid(scene.objects, uid)
         if camera is None:
-            raise RefineError(f'The camera "{name}" is no longer in the scene; nothing was changed.')
+            raise RefineError(rpt_('The camera "{name}" is no longer in the scene; nothing was changed.', name=name))
         photo = photo_image.camera_photo(camera)
         job = jobs.gather(scene, splat, camera, photo, self.settings, self._renderer)
         self._targets = job.targets
@@ -146,12 +152,15 @@ class RefineQueue(QueueJob):
 
     def summary(self) -> str:
         """One sentence on all of them."""
-        words = [f"{self.verdicts[word]} {word}" for word in ("trusted", "check", "failed") if self.verdicts[word]]
+        words = [rpt_(COUNTED[word], count=self.verdicts[word]) for word in COUNTED if self.verdicts[word]]
         if self.failed:
-            words.append(f"{len(self.failed)} could not be refined")
+            words.append(rpt_("{count} could not be refined", count=len(self.failed)))
         done = self.verdicts.total() + len(self.failed)
-        first = f" {self.failed[0][1]}" if self.failed else ""
-        return f"{done} of {self.count} photo{'s' if self.count != 1 else ''}: {', '.join(words) or 'none done'}.{first}"
+        values = {"done": done, "count": self.count, "results": ", ".join(words) or rpt_("none done")}
+        all_of_them = rpt_("{done} of {count} photos: {results}.", **values)
+        if self.count == 1:
+            all_of_them = rpt_("{done} of 1 photo: {results}.", **values)
+        return f"{all_of_them} {self.failed[0][1]}" if self.failed else all_of_them
 
     def _entry(self, index: int) -> GssmcPhoto | None:
         scene, uid = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[index][0]
@@ -165,7 +174,7 @@ def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
     """
     with_camera = [entry for entry in scene.gssmc.photos if photo_list.camera_of(scene, entry)]
     if not with_camera:
-        raise RefineError("There are no photos on the list; use Add Photos first.")
+        raise RefineError(rpt_("There are no photos on the list; use Add Photos first."))
     wanted = {
         "ALL": lambda entry: True,
         "TICKED": lambda entry: entry.ticked,
@@ -173,16 +182,13 @@ def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
     }[which]
     found = [entry for entry in with_camera if wanted(entry)]
     if not found:
-        raise RefineError(
-            "No photo is ticked; tick some in the list." if which == "TICKED" else "All photos are trusted already."
-        )
+        none_ticked = rpt_("No photo is ticked; tick some in the list.")
+        raise RefineError(none_ticked if which == "TICKED" else rpt_("All photos are trusted already."))
     return found
 
 
 def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings) -> RefineQueue:
     """The queue of the list's photos. Raises GssmcError when there is no splat or nothing to refine."""
     entries = entries_to_refine(scene, which)
-    splat = scene.gssmc.splat
-    if splat is None or splat.name not in scene.objects:
-        raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
+    splat_object.check_picked(scene, scene.gssmc.splat)
     return RefineQueue(scene, entries, settings)

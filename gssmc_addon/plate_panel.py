@@ -6,6 +6,7 @@ import bpy
 
 from . import jobs, panels, photo_image
 from .plate_source import MOVING
+from .texts import iface_
 
 
 class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
@@ -18,12 +19,14 @@ class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
         camera = camera if camera and camera.type == "CAMERA" else None
         layout.operator("gssmc.add_plate", icon="FILE_MOVIE")
         if not camera or not _moves(camera):
-            panels.draw_text(layout, context, "Add a movie or an image sequence, go to a frame and bring the camera there.")
+            hint = iface_("Add a movie or an image sequence, go to a frame and bring the camera there.")
+            panels.draw_text(layout, context, hint)
             return
         if not jobs.active():
             layout.operator("gssmc.refine_sequence", text="Refine Plate...", icon="CAMERA_DATA")
         if camera.data.gssmc.bad_frames:
-            panels.draw_text(layout.box(), context, f"Bad frames: {camera.data.gssmc.bad_frames}", icon="ERROR")
+            text = iface_("Bad frames: {frames}", frames=camera.data.gssmc.bad_frames)
+            panels.draw_text(layout.box(), context, text, icon="ERROR")
 
 
 def _moves(camera: bpy.types.Object) -> bool:

@@ -12,6 +12,7 @@ from ..core.photo import Photo
 from ..core.plate import DIGITS, Plate, open_plate
 from . import photo_image
 from .photo_image import PhotoSource
+from .texts import rpt_
 
 MOVING = ("SEQUENCE", "MOVIE")
 
@@ -68,6 +69,11 @@ def moving_photo(camera: bpy.types.Object) -> MovingPhoto | None:
     return _of_clip(clip) if clip and image is None else None
 
 
+def no_plate(camera: bpy.types.Object) -> str:
+    """What to tell of a camera without a plate."""
+    return rpt_('The camera "{name}" has no image sequence or movie; use Add Plate in the GS-SMC panel.', name=camera.name)
+
+
 def _of_image(image: bpy.types.Image, user: bpy.types.ImageUser | None) -> MovingPhoto:
     plate, first, last = open_plate(bpy.path.abspath(image.filepath, library=image.library))
     if user is None:
@@ -89,7 +95,9 @@ def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types
         return photo_image.photo_source(photo)
     plate = moving_photo(camera)
     if plate is None:
-        raise PhotoError(f'The image "{photo.name}" is not shown behind its camera; pick it as the photo again.')
+        raise PhotoError(
+            rpt_('The image "{name}" is not shown behind its camera; pick it as the photo again.', name=photo.name)
+        )
     return plate.at(scene.frame_current)
 
 

@@ -11,11 +11,12 @@ from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.memory import machine_bytes
 from ..core.models import KNOWN, KnownModel, find_model, recognise
 from . import log_file
+from .texts import iface_, n_
 
 PACKAGE = __package__.rpartition(".")[0]  # the extension's own, by which Blender keeps its preferences
 LEARNED = {name: kind for name, kind in {**EXTRACTORS, **MATCHERS}.items() if kind.needs_model}
-ONLINE_HINT = "Downloads need Allow Online Access in Preferences > System"
-NO_ADDRESS = "No address is set: put the file in by hand, or ask your studio where its models lie"
+ONLINE_HINT = n_("Downloads need Allow Online Access in Preferences > System")
+NO_ADDRESS = n_("No address is set: put the file in by hand, or ask your studio where its models lie")
 AUTO_MODEL = "aliked"
 PRESET_ITEMS = (
     ("NONE", "Standard", "GS-SMC's own settings, for scans of any unit"),
@@ -71,10 +72,10 @@ def describe(path: str) -> tuple[str, str]:
     """What a picked file is, and an icon for it."""
     file = Path(bpy.path.abspath(path))
     if not file.is_file():
-        return "There is no such file", "ERROR"
+        return iface_("There is no such file"), "ERROR"
     known = recognise(file)
     if known is None:
-        return "Not one of the known models; it may work", "QUESTION"
+        return iface_("Not one of the known models; it may work"), "QUESTION"
     return f"{known.title}, {known.licence}", "CHECKMARK"
 
 
@@ -144,7 +145,8 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
 def _draw_model(layout: bpy.types.UILayout, model: KnownModel) -> None:
     row = layout.row()
     there = (model_folder() / model.name).is_file()
-    row.label(text=f"{model.title}: {model.licence}, {model.bytes / 1e6:.1f} MB", icon="CHECKMARK" if there else "BLANK1")
+    values = {"model": model.title, "licence": model.licence, "size": model.bytes / 1e6}
+    row.label(text=iface_("{model}: {licence}, {size:.1f} MB", **values), icon="CHECKMARK" if there else "BLANK1")
     row.operator("gssmc.download_model", text="Download Again" if there else "Download").model = model.name
 
 

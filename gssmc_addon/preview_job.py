@@ -23,6 +23,7 @@ from .camera_bridge import CameraCopy
 from .job import Job
 from .photo_image import PhotoSource
 from .splat_renderer import SplatRenderer
+from .texts import n_, rpt_
 from .worker import Steps
 
 
@@ -63,7 +64,7 @@ class Preview:
 class PreviewJob(Job):
     """Its result is a Preview."""
 
-    status = "Rendering the preview    Esc: cancel"
+    status = n_("Rendering the preview    Esc: cancel")
 
     def __init__(self, inputs: PreviewInputs) -> None:
         super().__init__(partial(_steps, inputs, lambda: self.cancelled))
@@ -95,7 +96,7 @@ def _steps(inputs: PreviewInputs, stopped: Callable[[], bool]) -> Steps:
     photo, camera = _at_preview_size(inputs)
     yield "Preparing the splat", 0.15
     if inputs.splat is None:
-        raise RefineError("The kept pictures of the preview are gone; press Preview again.")
+        raise RefineError(n_("The kept pictures of the preview are gone; press Preview again."))
     renderer = _Stoppable(inputs.splat.get(), stopped)
     if pair is None:
         yield "Rendering the splat", 0.35
@@ -132,11 +133,10 @@ def gather(
 ) -> PreviewJob:
     """Copies the inputs. Raises GssmcError, with what to do, when something is missing or unfit."""
     scene, splat = context.scene, context.scene.gssmc.splat
-    if splat is None or splat.name not in scene.objects:
-        raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
+    splat_object.check_picked(scene, splat)
     photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
     if photo is None:
-        raise RefineError("The scene's camera has no photo; use Add Photo in the GS-SMC panel.")
+        raise RefineError(rpt_("The scene's camera has no photo; use Add Photo in the GS-SMC panel."))
     copy, source = camera_bridge.read_camera(scene, camera, splat), plate_source.source_at(scene, camera, photo)
     key = view_key(copy, source, splat, options)
     kept = preview_images.packed_pair(key)

@@ -24,6 +24,7 @@ from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.settings import RefineSettings, choices
 from ..core.presets import PRESETS
 from . import photo_entry, photo_image, preferences, preview_state, splat_object
+from .texts import iface_
 
 LIMITS = {
     "iterations": (1, 100),
@@ -45,6 +46,7 @@ VERDICTS = (
     ("CHECK", "Check", "Look at the result before you rely on it"),
     ("FAILED", "Failed", "No camera was found; nothing was changed"),
 )
+VERDICT_NAMES = {item[0]: item[1] for item in VERDICTS}
 VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "FAILED": "ERROR"}
 
 
@@ -113,9 +115,10 @@ def settings_from(
 
 def verdict_title(note: GssmcCamera) -> str:
     """One line for the panel: the verdict, with iterations and time of the refinement that gave it."""
-    name = next(item[1] for item in VERDICTS if item[0] == note.verdict)
-    rounds = f"{note.iterations_done} iteration{'s' if note.iterations_done != 1 else ''}"
-    return f"{name}: {rounds}, {note.seconds:.1f} s"
+    values = {"verdict": iface_(VERDICT_NAMES[note.verdict]), "count": note.iterations_done, "seconds": note.seconds}
+    if note.iterations_done == 1:
+        return iface_("{verdict}: 1 iteration, {seconds:.1f} s", **values)
+    return iface_("{verdict}: {count} iterations, {seconds:.1f} s", **values)
 
 
 def note_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:

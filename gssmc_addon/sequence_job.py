@@ -18,6 +18,7 @@ from ..core.sequence import FramePose
 from . import camera_bridge, jobs, plate_source, splat_object
 from .job import QueueJob
 from .splat_renderer import SplatRenderer
+from .texts import iface_, n_, rpt_
 from .worker import RefineInputs, Steps, refinement
 
 DOUBT = 0.25  # weight of a frame whose verdict is "check"
@@ -39,14 +40,14 @@ class SequenceOptions:
 class SequenceJob(QueueJob):
     """Refines the frames outward from the current one. Its result is the job itself; `path()` makes the keys of it."""
 
-    status = "Refining the plate    Esc: cancel"
+    status = n_("Refining the plate    Esc: cancel")
 
     def __init__(
         self, scene: bpy.types.Scene, camera: bpy.types.Object, options: SequenceOptions, settings: RefineSettings
     ) -> None:
         self._plate = plate_source.moving_photo(camera)
         if self._plate is None:
-            raise PhotoError(f'The camera "{camera.name}" has no image sequence or movie; use Add Plate in the GS-SMC panel.')
+            raise PhotoError(plate_source.no_plate(camera))
         splat = scene.gssmc.splat
         frames = sequence.keyframes(options.start, options.end, options.step)
         super().__init__(len(frames))
@@ -63,7 +64,7 @@ class SequenceJob(QueueJob):
         scene = jobs.by_uid(bpy.data.scenes, self._uids[0])
         splat, camera = (jobs.by_uid(scene.objects, uid) if scene else None for uid in self._uids[1:])
         if splat is None or camera is None:
-            raise RefineError("The splat or the camera was removed while the plate was refined; nothing was changed.")
+            raise RefineError(rpt_("The splat or the camera was removed while the plate was refined; nothing was changed."))
         return scene, splat, camera
 
     def check(self) -> None:
@@ -71,7 +72,8 @@ class SequenceJob(QueueJob):
 
     def begin_item(self, index: int) -> Callable[[], Steps]:
         frame = self.order[index]
-        self.step, self.detail = f"Frame {frame}", f"{index + 1} of {self.count} frames"
+        self.step = iface_("Frame {frame}", frame=frame)
+        self.detail = iface_("{number} of {count} frames", number=index + 1, count=self.count)
         near = sequence.nearest(frame, self.reports)
         start = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
         return partial(refinement, RefineInputs(self._renderer, self._plate.at(frame), start, self.settings))
@@ -82,7 +84,7 @@ class SequenceJob(QueueJob):
     def end_item(self, index: int, report: RefineReport) -> None:
         frame = self.order[index]
         if report.verdict == "failed":
-            self.bad[frame] = report.reasons[0] if report.reasons else "No camera was found."
+            self.bad[frame] = report.reasons[0] if report.reasons else rpt_("No camera was found.")
         else:
             self.reports[frame] = report
 
@@ -97,11 +99,11 @@ class SequenceJob(QueueJob):
         track = [FramePose(f, r.camera.pose, 1.0 if r.verdict == "trusted" else DOUBT) for f, r in sorted(self.reports.items())]
         depths = [r.quality.median_depth for r in self.reports.values() if r.quality]
         for frame in sequence.stray_frames(track, median(depths)) if depths else ():
-            self.bad[frame] = "Its camera lies off the path of the other frames."
+            self.bad[frame] = rpt_("Its camera lies off the path of the other frames.")
         track = [point for point in track if point.frame not in self.bad]
         if not track:
             first = next(iter(self.bad.values()), "")
-            raise RefineError(f"No frame of the plate could be refined; nothing was changed. {first}")
+            raise RefineError(rpt_("No frame of the plate could be refined; nothing was changed. {reason}", reason=first))
         poses = sequence.smooth(track, self.options.smooth_frames)
         frames = [point.frame for point in track]
         lenses = [self.reports[frame].camera for frame in frames]
@@ -115,14 +117,15 @@ class SequenceJob(QueueJob):
     def summary(self) -> str:
         """One or two sentences on all frames."""
         good = self.count - len(self.bad)
-        words = f"{good} of {self.count} frames of the plate were refined."
+        words = [rpt_("{good} of {count} frames of the plate were refined.", good=good, count=self.count)]
         if self.bad:
-            words += f" Bad and not keyed: {frame_list(self.bad)}."
-        return words
+            words.append(rpt_("Bad and not keyed: {frames}.", frames=frame_list(self.bad)))
+        return " ".join(words)
 
 
 def frame_list(frames: dict[int, str]) -> str:
     """The frames in words, the first dozen of them."""
     numbers = sorted(frames)
-    more = f" and {len(numbers) - SHOWN_FRAMES} more" if len(numbers) > SHOWN_FRAMES else ""
-    return ", ".join(map(str, numbers[:SHOWN_FRAMES])) + more
+    shown = ", ".join(map(str, numbers[:SHOWN_FRAMES]))
+    more = len(numbers) - SHOWN_FRAMES
+    return rpt_("{frames} and {count} more", frames=shown, count=more) if more > 0 else shown

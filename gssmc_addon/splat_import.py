@@ -15,9 +15,10 @@ from ..core.errors import GssmcError, SplatFormatError
 from ..core.splats import SUFFIXES, inspect_splats
 from ..core.splats.scene import GaussianScene
 from . import cloud_size, splat_display, splat_import_job, splat_object, viewport, viewport_props
+from .texts import iface_, n_, rpt_
 
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
-AXIS_WORDS = {"Y_DOWN": "Y Down", "Y_UP": "Y Up", "Z_UP": "Z Up", "Z_DOWN": "Z Down"}
+AXIS_WORDS = {"Y_DOWN": n_("Y Down"), "Y_UP": n_("Y Up"), "Z_UP": n_("Z Up"), "Z_DOWN": n_("Z Down")}
 
 
 def describe(path: str) -> list[str]:
@@ -26,13 +27,16 @@ def describe(path: str) -> list[str]:
     Reads the header only, hence fit for draw().
     """
     if not Path(path).is_file():
-        return ["Choose a splat file: " + ", ".join(SUFFIXES)]
+        return [iface_("Choose a splat file: {suffixes}", suffixes=", ".join(SUFFIXES))]
     try:
         info = inspect_splats(path)
     except GssmcError as error:
         return [str(error)]
-    count = f"{info.count:,} Gaussians, SH degree {info.sh_degree}"
-    return [f"Format: {info.format}", count, f"Its axes: {AXIS_WORDS[info.orientation]}"]
+    return [
+        iface_("Format: {format}", format=info.format),
+        iface_("{count:,} Gaussians, SH degree {degree}", count=info.count, degree=info.sh_degree),
+        iface_("Its axes: {axes}", axes=iface_(AXIS_WORDS[info.orientation])),
+    ]
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,9 @@ class Building:
     def _cloud(self) -> bpy.types.PointCloud:
         cloud = self._find()
         if cloud is None:
-            raise SplatFormatError(f'The splat "{self._name}" was removed while it was imported; import it again.')
+            raise SplatFormatError(
+                rpt_('The splat "{name}" was removed while it was imported; import it again.', name=self._name)
+            )
         return cloud
 
 

@@ -13,6 +13,7 @@ from ..core.errors import Cancelled, GssmcError, SplatFormatError
 from ..core.splats import read_splats
 from ..core.splats.scene import GaussianScene
 from . import splat_display, viewport_clouds
+from .texts import n_, rpt_, sentence
 
 log = logging.getLogger(__name__)
 READING = 0.7  # share of the thread's work that is reading
@@ -42,7 +43,7 @@ class ImportJob:
         self.path, self.fraction = path, 0.0
         self._viewport = viewport
         self._stopped = threading.Event()
-        self._result: PreparedSplat | GssmcError | None = None
+        self._result: PreparedSplat | Exception | None = None
         self._thread = threading.Thread(target=self._run, name="gssmc-import", daemon=True)
 
     def start(self) -> None:
@@ -61,23 +62,24 @@ class ImportJob:
         """What was read. Raises GssmcError when the file cannot be imported."""
         if isinstance(self._result, PreparedSplat):
             return self._result
-        raise self._result or SplatFormatError(f"'{self.path.name}' was not read.")
+        if isinstance(self._result, GssmcError):
+            raise self._result
+        if isinstance(self._result, MemoryError):
+            raise SplatFormatError(rpt_("'{file}' does not fit into memory; close other files first.", file=self.path.name))
+        raise SplatFormatError(sentence(self._result or RuntimeError()))
 
     def _run(self) -> None:
         try:
             scene = read_splats(self.path, self._progress)
             self._progress(1.0)
             self._result = prepare(scene, self._viewport)
-        except GssmcError as error:
+        except (GssmcError, MemoryError) as error:
             self._result = error
-        except MemoryError:
-            self._result = SplatFormatError(f"'{self.path.name}' does not fit into memory; close other files first.")
         except Exception as error:
             log.exception("The import broke off")
-            kind = type(error).__name__
-            self._result = SplatFormatError(f"The import broke off ({kind}); the system console has the details.")
+            self._result = error
 
     def _progress(self, fraction: float) -> None:
         if self._stopped.is_set():
-            raise Cancelled("The import was cancelled; nothing was changed.")
+            raise Cancelled(n_("The import was cancelled; nothing was changed."))
         self.fraction = READING * fraction

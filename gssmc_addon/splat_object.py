@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core.errors import SplatFormatError
+from ..core.errors import RefineError, SplatFormatError
 from ..core.splats.scene import SH_COEFFICIENTS, GaussianScene
+from .texts import n_, rpt_
 
 BASE = "radiance:base"
 SH_PREFIX = "radiance:sh_"
@@ -23,6 +24,14 @@ COMPONENTS = {"FLOAT_VECTOR": 3, "QUATERNION": 4, "FLOAT_COLOR": 4, "FLOAT4": 4}
 def is_splat(obj: bpy.types.Object | None) -> bool:
     """True for a point cloud object in the layout above, whoever made it; cheap enough for a panel's draw()."""
     return obj is not None and obj.type == "POINTCLOUD" and all(name in obj.data.attributes for name in REQUIRED)
+
+
+def check_picked(scene: bpy.types.Scene, splat: bpy.types.Object | None) -> None:
+    """Raises RefineError when there is no splat to work on, or the user has deleted it (the pick keeps it in the file)."""
+    if splat is None:
+        raise RefineError(rpt_("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel."))
+    if splat.name not in scene.objects:
+        raise RefineError(rpt_('The splat "{name}" is no longer in the scene; pick another one in the panel.', name=splat.name))
 
 
 def splat_attributes(scene: GaussianScene, base: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
@@ -59,7 +68,7 @@ class SplatCopy:
         dropped = int(len(good) - good.sum())
         if dropped == len(good):
             raise SplatFormatError(
-                "Every Gaussian of the splat object holds a value that is not finite; import the file again."
+                n_("Every Gaussian of the splat object holds a value that is not finite; import the file again.")
             )
         kept = arrays if dropped == 0 else tuple(np.ascontiguousarray(a[good]) for a in arrays)
         return GaussianScene(*kept, dropped=dropped, format="Blender point cloud")
@@ -68,10 +77,12 @@ class SplatCopy:
 def copy_splat(obj: bpy.types.Object) -> SplatCopy:
     """Copies a splat object out of Blender's memory. Raises SplatFormatError when it is no splat, or an empty one."""
     if not is_splat(obj):
-        raise SplatFormatError(f'"{obj.name}" holds no Gaussian splats; pick one made by File > Import > Gaussian Splats.')
+        raise SplatFormatError(
+            rpt_('"{name}" holds no Gaussian splats; pick one made by File > Import > Gaussian Splats.', name=obj.name)
+        )
     cloud = obj.data
     if len(cloud.points) == 0:
-        raise SplatFormatError(f'"{obj.name}" has no points; import the splat file again.')
+        raise SplatFormatError(rpt_('"{name}" has no points; import the splat file again.', name=obj.name))
     bands = tuple(read_attribute(cloud, f"{SH_PREFIX}{k}", 3) for k in range(_sh_bands(cloud)))
     shape = read_attribute(cloud, "position", 3), read_attribute(cloud, "scale", 3), read_attribute(cloud, "rotation", 4)
     return SplatCopy(*shape, read_attribute(cloud, BASE, 4), bands)
@@ -105,8 +116,12 @@ def read_attribute(cloud: bpy.types.PointCloud, name: str, components: int) -> n
     attribute = cloud.attributes[name]
     if attribute.domain != "POINT" or COMPONENTS.get(attribute.data_type) != components:
         raise SplatFormatError(
-            f'The attribute "{name}" is of type {attribute.data_type}, not one of {components} floats per point; '
-            "import the splat file again."
+            rpt_(
+                'The attribute "{name}" is of type {kind}, not one of {count} floats per point; import the splat file again.',
+                name=name,
+                kind=attribute.data_type,
+                count=components,
+            )
         )
     values = np.empty(len(cloud.points) * components, np.float32)
     attribute.data.foreach_get(_value_name(attribute), values)

@@ -16,6 +16,7 @@ from ..core.pose.settings import RefineSettings
 from .camera_bridge import CameraCopy
 from .photo_image import PhotoSource
 from .splat_renderer import SplatRenderer
+from .texts import sentence
 
 log = logging.getLogger(__name__)
 
@@ -34,9 +35,14 @@ class RefineInputs:
 
 @dataclass(frozen=True)
 class Failure:
-    """The work broke off; `message` is one sentence for the user."""
+    """The work broke off for `error`."""
 
-    message: str
+    error: Exception
+
+    @property
+    def message(self) -> str:
+        """One sentence for the user. Main thread only."""
+        return sentence(self.error)
 
 
 @dataclass(frozen=True)
@@ -94,10 +100,8 @@ class Worker:
                     self._queue.put(Finished(end.value))
                     return
             steps.close()
-        except GssmcError as error:
-            self._queue.put(Failure(str(error)))
-        except MemoryError:
-            self._queue.put(Failure("There is not enough memory for this splat; close other files or use a smaller scan."))
+        except (GssmcError, MemoryError) as error:
+            self._queue.put(Failure(error))
         except Exception as error:
             log.exception("The work broke off")
-            self._queue.put(Failure(f"The work broke off ({type(error).__name__}); the system console has the details."))
+            self._queue.put(Failure(error))

@@ -1,11 +1,14 @@
 """Add Photo: a camera for a photograph, with the photo behind it."""
 
+from functools import partial
+from pathlib import Path
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
-from ..core.errors import GssmcError
 from ..gssmc_addon import photo_camera, photo_image, photo_list
+from ..gssmc_addon.operator_parts import FromFile, PlainOperator
+from ..gssmc_addon.texts import rpt_
 
 CAMERA_ITEMS = (
     (
@@ -18,12 +21,8 @@ CAMERA_ITEMS = (
 )
 
 
-class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
-    """Load a photograph and set it behind a camera, ready to be refined"""
-
-    bl_idname = "gssmc.add_photo"
-    bl_label = "Add Photo"
-    bl_options = {"UNDO"}
+class AddsPicture(PlainOperator, FromFile):
+    """What Add Photo and Add Plate share: the options, and how a picture gets its camera."""
 
     filter_image: BoolProperty(default=True, options={"HIDDEN"})
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
@@ -31,8 +30,27 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
     camera_file: StringProperty(
         name="Camera File",
         subtype="FILE_PATH",
-        description="Optional JSON file of cameras; the one that names this photo gives lens, distortion and start pose",
+        description="Optional JSON file of cameras; the one that names the chosen file gives lens, distortion and start pose",
     )
+
+    def set_behind(self, context, photo, load):
+        """Camera, image and what to say of them; `load` makes the image once the camera file is known to fit.
+
+        Raises GssmcError, with nothing changed.
+        """
+        given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
+        image = load()
+        camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name)
+        return camera, image, photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)
+
+
+class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
+    """Load a photograph and set it behind a camera, ready to be refined"""
+
+    bl_idname = "gssmc.add_photo"
+    bl_label = "Add Photo"
+    bl_options = {"UNDO"}
+
     set_resolution: BoolProperty(
         name="Set Resolution",
         default=False,
@@ -40,25 +58,14 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
         "the middle of the frame as large as fits",
     )
 
-    def check(self, context):
-        return False  # ImportHelper would append a file extension
-
-    def execute(self, context):
+    def run(self, context):
         context.view_layer.update()  # scripts place objects and expect that to count
-        try:
-            photo = photo_image.read_any_photo(self.filepath)
-            given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
-            image = photo_image.load_image(self.filepath, photo)
-            camera = photo_camera.choose_camera(context, self.camera, image.name)
-            notes = photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)
-        except GssmcError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        photo = photo_image.read_any_photo(self.filepath)
+        camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))
         photo_list.note(context.scene, camera, photo)
         photo_camera.look_through(context, camera)
-        self.report(
-            {"INFO"}, f'"{image.name}" ({photo.width} x {photo.height}) is set behind "{camera.name}". ' + " ".join(notes)
-        )
+        values = {"photo": image.name, "camera": camera.name, "x": photo.width, "y": photo.height}
+        self.report({"INFO"}, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))
         return {"FINISHED"}
 
 

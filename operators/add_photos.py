@@ -4,15 +4,16 @@ from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import RefineError
 from ..gssmc_addon import jobs, photo_list
 from ..gssmc_addon.job_operator import JobOperator
+from ..gssmc_addon.operator_parts import FromFile
 from ..gssmc_addon.photo_queue import AddPhotosJob, photos_in
+from ..gssmc_addon.texts import rpt_
 
 
-class _AddPhotos(JobOperator, ImportHelper):
+class _AddPhotos(JobOperator, FromFile):
     """What the two ways of choosing photos share."""
 
     __annotations__ = {
@@ -25,12 +26,9 @@ class _AddPhotos(JobOperator, ImportHelper):
         ),
     }
 
-    def check(self, context):
-        return False  # ImportHelper would append a file extension
-
     def invoke(self, context, event):
         self._window = True
-        return ImportHelper.invoke(self, context, event)
+        return FromFile.invoke(self, context, event)
 
     def execute(self, context):
         """After the file browser beside Blender; from scripts it waits."""
@@ -41,32 +39,39 @@ class _AddPhotos(JobOperator, ImportHelper):
         known = photo_list.files(context.scene)
         paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
         if not paths:
-            raise RefineError("All of these photos are on the list already.")
+            raise RefineError(rpt_("All of these photos are on the list already."))
         return AddPhotosJob(context.scene, paths, self.camera_file)
 
     def apply(self, context, job, result):
         scene = context.scene
         if not job.added:
-            name, message = job.failed[0] if job.failed else ("", "No photo was added.")
+            name, message = job.failed[0] if job.failed else ("", rpt_("No photo was added."))
             return self.refuse(context, message)
         for name, message in job.failed:
             photo_list.note_unreadable(scene, name, message)
         first = jobs.by_uid(scene.objects, job.added[0])
         scene.gssmc.photo_index = next(i for i, entry in enumerate(scene.gssmc.photos) if entry.camera == first)
-        words = [f"{len(job.added)} photo{'s' if len(job.added) != 1 else ''} added, each with its camera."]
-        if job.failed:
-            words.append(f"{len(job.failed)} could not be used; the list says why.")
-        left = job.count - len(job.added) - len(job.failed)
-        if left:
-            words.append(f"{left} were left out when you stopped.")
         self.tell(context, "")
-        self.report({"WARNING" if job.failed else "INFO"}, " ".join(words))
+        self.report({"WARNING" if job.failed else "INFO"}, _summary(job))
         return {"FINISHED"}
 
     def stopped(self, context, job):
         if job.added:
             return self.apply(context, job, job)
-        return self.refuse(context, "Adding photos was stopped; nothing was changed.", level="INFO")
+        return self.refuse(context, rpt_("Adding photos was stopped; nothing was changed."), level="INFO")
+
+
+def _summary(job):
+    """Up to three sentences: what was added, what could not be, what was left out."""
+    words = [rpt_("{count} photos added, each with its camera.", count=len(job.added))]
+    if len(job.added) == 1:
+        words = [rpt_("1 photo added, with its camera.")]
+    if job.failed:
+        words.append(rpt_("{count} could not be used; the list says why.", count=len(job.failed)))
+    left = job.count - len(job.added) - len(job.failed)
+    if left:
+        words.append(rpt_("{count} were left out when you stopped.", count=left))
+    return " ".join(words)
 
 
 class GSSMC_OT_add_photos(_AddPhotos, bpy.types.Operator):

@@ -4,13 +4,12 @@ import bpy
 from bpy.props import BoolProperty
 from mathutils import Matrix
 
-from ..core.errors import GssmcError
 from ..gssmc_addon import camera_channels, photo_camera
+from ..gssmc_addon.operator_parts import PlainOperator
+from ..gssmc_addon.texts import rpt_
 
-NO_VIEW = "There is no 3D viewport to take the view from"
 
-
-class GSSMC_OT_camera_from_view(bpy.types.Operator):
+class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):
     """Put the scene's camera where the viewport looks from; without a camera, a new one. The lens stays"""
 
     bl_idname = "gssmc.camera_from_view"
@@ -22,27 +21,25 @@ class GSSMC_OT_camera_from_view(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         view = photo_camera.find_view(context)
-        if view is None or view.view_perspective == "CAMERA":
-            cls.poll_message_set(NO_VIEW if view is None else "The view looks through the camera already; turn it first")
-            return False
-        return True
+        if view is None:
+            cls.poll_message_set("There is no 3D viewport to take the view from")
+        elif view.view_perspective == "CAMERA":
+            cls.poll_message_set("The view looks through the camera already; turn it first")
+        return view is not None and view.view_perspective != "CAMERA"
 
-    def execute(self, context):
+    def run(self, context):
         scene, view = context.scene, photo_camera.find_view(context)
         camera = scene.camera
-        try:
-            if self.new or camera is None or camera.type != "CAMERA":
-                camera = photo_camera.new_camera(context, "Camera", None)
-                scene.camera = camera
-            camera_channels.check_writable(camera)
-        except GssmcError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        if self.new or camera is None or camera.type != "CAMERA":
+            camera = photo_camera.new_camera(context, "Camera", None)
+            scene.camera = camera
+        camera_channels.check_writable(camera)
         camera.matrix_world = Matrix(view.view_matrix).inverted()
         context.view_layer.update()
         keyed = camera_channels.write_keyframes(scene, camera)
         view.view_perspective = "CAMERA"
-        self.report({"INFO"}, f'"{camera.name}" stands where the view was. {keyed}'.strip())
+        moved = rpt_('"{name}" stands where the view was.', name=camera.name)
+        self.report({"INFO"}, f"{moved} {keyed}".strip())
         return {"FINISHED"}
 
 

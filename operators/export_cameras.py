@@ -6,8 +6,9 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from ..core.errors import GssmcError
 from ..gssmc_addon import camera_exchange, photo_image
+from ..gssmc_addon.operator_parts import PlainOperator
+from ..gssmc_addon.texts import rpt_
 
 FORMATS = (
     ("JSON", "Camera JSON", "GS-SMC's own format, with the verdicts"),
@@ -16,7 +17,7 @@ FORMATS = (
 )
 
 
-class GSSMC_OT_export_cameras(bpy.types.Operator, ExportHelper):
+class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
     """Export photo cameras in the coordinates of the splat file"""
 
     bl_idname = "gssmc.export_cameras"
@@ -40,18 +41,14 @@ class GSSMC_OT_export_cameras(bpy.types.Operator, ExportHelper):
         self.filename_ext = "" if self.format == "COLMAP" else ".json"
         return super().check(context) if self.filename_ext else False
 
-    def execute(self, context):
+    def run(self, context):
         context.view_layer.update()
         path = Path(bpy.path.abspath(self.filepath))
         if self.format == "COLMAP" and path.suffix == ".json":
             path = path.with_suffix("")
-        try:
-            found = camera_exchange.collect(context.scene, self._objects(context))
-            camera_exchange.write(path, self.format, found)
-        except GssmcError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self.report({"INFO"}, f"{len(found)} cameras were written to '{path}'.")
+        found = camera_exchange.collect(context.scene, self._objects(context))
+        camera_exchange.write(path, self.format, found)
+        self.report({"INFO"}, rpt_("{count} cameras were written to '{path}'.", count=len(found), path=path))
         return {"FINISHED"}
 
     def _objects(self, context):

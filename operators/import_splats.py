@@ -10,7 +10,9 @@ from bpy_extras.io_utils import ImportHelper
 from ..core import memory
 from ..core.errors import GssmcError
 from ..gssmc_addon import panels, preferences, splat_display, splat_import, splat_object, viewport_props
+from ..gssmc_addon.operator_parts import PlainOperator
 from ..gssmc_addon.splat_import_job import ImportJob
+from ..gssmc_addon.texts import iface_, rpt_
 
 ORIENTATION_ITEMS = (
     ("AUTO", "By Format", "What the file's format means, or the file declares: .ply and .splat y down, .spz y up"),
@@ -25,7 +27,7 @@ DIALOG_WIDTH = 340
 READING = 0.8  # share of the progress shown
 
 
-class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
+class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
     """Import a 3D Gaussian Splatting scan as a point cloud"""
 
     bl_idname = "gssmc.import_splats"
@@ -66,7 +68,7 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
     def invoke(self, context, event):
         self.wait = False
         if self.filepath:  # dropped on the viewport
-            title = f"Import {Path(self.filepath).name}"
+            title = iface_("Import {file}", file=Path(self.filepath).name)
             return context.window_manager.invoke_props_dialog(self, width=DIALOG_WIDTH, title=title, confirm_text="Import")
         return super().invoke(context, event)
 
@@ -82,14 +84,10 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
         if not viewport_props.is_drawable():
             self.layout.prop(self, "show_colours")
 
-    def execute(self, context):
+    def run(self, context):
         """After the dialog the file comes in beside other work; a call from a script waits for it."""
         self._building = None
-        try:
-            memory.check("The import", memory.import_bytes(Path(self.filepath)), preferences.memory_limit(context))
-        except GssmcError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        memory.check("The import", memory.import_bytes(Path(self.filepath)), preferences.memory_limit(context))
         self._job = ImportJob(Path(self.filepath), viewport_props.is_drawable())
         self._job.start()
         if not (self.wait or bpy.app.background) and context.window is not None:
@@ -99,13 +97,10 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
             manager.modal_handler_add(self)
             return {"RUNNING_MODAL"}
         self._job.join()
-        try:
-            self._begin_building()
-            while not self._building.step():
-                pass
-            return self._finish(context)
-        except GssmcError as error:
-            return self._refuse(str(error))
+        self._begin_building()
+        while not self._building.step():
+            pass
+        return self._finish(context)
 
     def modal(self, context, event):
         if event.type == "ESC" and event.value == "PRESS":
@@ -121,7 +116,7 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
             return self._finish(context)
         except GssmcError as error:
             self.cancel(context)
-            return self._refuse(str(error))
+            return self.refuse(str(error))
 
     def cancel(self, context):
         """The user or Blender ends the operator."""
@@ -155,25 +150,24 @@ class GSSMC_OT_import_splats(bpy.types.Operator, ImportHelper):
         self._building = self._scene = None  # the operator outlives its work in Blender's history
         if self.show_colours and not (viewport_props.is_drawable() or splat_object.has_native_type(obj.data)):
             splat_display.show_colours(context)
-        dropped = f" {scene.dropped} Gaussians with values that are not finite were left out." if scene.dropped else ""
-        self.report({"INFO"}, f'"{obj.name}": {len(scene):,} Gaussians, SH degree {scene.sh_degree} ({scene.format}).{dropped}')
+        values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
+        words = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
+        if scene.dropped:
+            words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
+        self.report({"INFO"}, " ".join(words))
         return {"FINISHED"}
 
     def _say(self, context, fraction):
         context.window_manager.progress_update(100 * fraction)
         if context.workspace:
-            name = self._job.path.name
-            context.workspace.status_text_set(f"Importing {name}: {100 * fraction:.0f} %    Esc: cancel")
+            values = {"file": self._job.path.name, "percent": 100 * fraction}
+            context.workspace.status_text_set(iface_("Importing {file}: {percent:.0f} %    Esc: cancel", **values))
 
     def _end(self, context):
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         if context.workspace:
             context.workspace.status_text_set(None)
-
-    def _refuse(self, message):
-        self.report({"ERROR"}, message)
-        return {"CANCELLED"}
 
 
 classes = (GSSMC_OT_import_splats,)

@@ -2,30 +2,24 @@
 
 import bpy
 
+from ..core.errors import PhotoError
 from ..gssmc_addon import camera_bridge, photo_camera, photo_image
+from ..gssmc_addon.operator_parts import OfPhoto
+from ..gssmc_addon.texts import rpt_
 
 
-class GSSMC_OT_match_resolution(bpy.types.Operator):
+class GSSMC_OT_match_resolution(OfPhoto, bpy.types.Operator):
     """Make the render resolution the photo's, so that it fills the camera's frame; the camera keeps its fit"""
 
     bl_idname = "gssmc.match_resolution"
     bl_label = "Match Photo Resolution"
     bl_options = {"UNDO"}
 
-    @classmethod
-    def poll(cls, context):
-        camera = context.scene.camera
-        if camera is None or camera.type != "CAMERA" or photo_image.camera_photo(camera) is None:
-            cls.poll_message_set("The scene camera has no photo")
-            return False
-        return True
-
-    def execute(self, context):
+    def run(self, context):
         scene, camera = context.scene, context.scene.camera
         width, height = photo_image.camera_photo(camera).size
         if not width or not height:
-            self.report({"ERROR"}, "The photo's file cannot be read; add the photo again.")
-            return {"CANCELLED"}
+            raise PhotoError(rpt_("The photo's file cannot be read; add the photo again."))
         lens = camera_bridge.photo_intrinsics(scene, camera.data, width, height)
         notes = photo_camera.frame(scene, width, height, allowed=True)
         camera_bridge.write_intrinsics(scene, camera.data, lens)

@@ -1,22 +1,25 @@
 """Download Model: the licence first, then the file, checked."""
 
 import textwrap
-from pathlib import Path
+from functools import partial
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
+from ..core.download import download
 from ..core.errors import FeatureError, GssmcError
 from ..core.models import KNOWN, address
 from ..gssmc_addon import preferences
-from ..gssmc_addon.model_download import ModelDownload
+from ..gssmc_addon.operator_parts import PlainOperator
+from ..gssmc_addon.texts import iface_, rpt_
+from ..gssmc_addon.worker import Failure, Finished, Worker
 
 TICK_S = 0.1
 WIDTH = 460  # of the dialog, in Blender's units; about 76 characters
 ITEMS = tuple((model.name, model.title, f"{model.licence}, {model.bytes / 1e6:.1f} MB") for model in KNOWN)
 
 
-class GSSMC_OT_download_model(bpy.types.Operator):
+class GSSMC_OT_download_model(PlainOperator, bpy.types.Operator):
     """Download a model for learned features, after you have accepted its licence"""
 
     bl_idname = "gssmc.download_model"
@@ -37,32 +40,30 @@ class GSSMC_OT_download_model(bpy.types.Operator):
         try:
             self._address(context)
         except GssmcError as error:
-            return self._refuse(str(error))
+            return self.refuse(str(error))
         return context.window_manager.invoke_props_dialog(self, width=WIDTH, confirm_text="Download")
 
     def draw(self, context):
         model, column = self._known(), self.layout.column()
-        column.label(text=f"{model.title}, from the weights of {model.source}")
+        column.label(text=iface_("{model}, from the weights of {source}", model=model.title, source=model.source))
         for line in textwrap.wrap(model.licence_text, 76):
-            column.label(text=line)
+            column.label(text=line, translate=False)
         column.prop(self, "accept_licence")
 
-    def execute(self, context):
+    def run(self, context):
         """In the window the file comes beside other work; in background mode this waits for it."""
-        try:
-            if not self.accept_licence:
-                raise FeatureError(f"{self._known().title} is not downloaded until its licence is accepted.")
-            self._job = ModelDownload(self._known(), self._address(context), preferences.model_folder(create=True))
-        except GssmcError as error:
-            return self._refuse(str(error))
-        self._job.start()
+        model = self._known()
+        if not self.accept_licence:
+            raise FeatureError(rpt_("{model} is not downloaded until its licence is accepted.", model=model.title))
+        self._worker = Worker(partial(download, model, self._address(context), preferences.model_folder(create=True)))
+        self._worker.start()
         if not bpy.app.background and context.window is not None:
             self._timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
             context.window_manager.modal_handler_add(self)
             return {"RUNNING_MODAL"}
         result = None
         while result is None:
-            self._job.join(TICK_S)
+            self._worker.join(TICK_S)
             result = self._watch(context)
         return result
 
@@ -79,19 +80,20 @@ class GSSMC_OT_download_model(bpy.types.Operator):
 
     def cancel(self, context):
         """Blender ends the operator, or the user does."""
-        self._job.stop()
+        self._worker.stop()
         self._end(context)
 
     def _watch(self, context):
         """The operator's result once there is one."""
-        for news in self._job.news():
-            if isinstance(news, GssmcError):
-                return self._refuse(str(news))
-            if isinstance(news, Path):
-                self.report({"INFO"}, f"{self._known().title} is there; choose ALIKED or Auto in the panel's settings.")
+        title = self._known().title
+        for news in self._worker.news():
+            if isinstance(news, Failure):
+                return self.refuse(news.message)
+            if isinstance(news, Finished):
+                self.report({"INFO"}, rpt_("{model} is there; choose ALIKED or Auto in the panel's settings.", model=title))
                 return {"FINISHED"}
             if context.workspace:
-                done = f"Downloading {self._known().title}: {100 * news.fraction:.0f} %    Esc: stop"
+                done = iface_("Downloading {model}: {percent:.0f} %    Esc: stop", model=title, percent=100 * news.fraction)
                 context.workspace.status_text_set(done)
         return None
 
@@ -105,10 +107,6 @@ class GSSMC_OT_download_model(bpy.types.Operator):
     def _address(self, context):
         own = preferences.of(context)
         return address(self._known(), own.base_url if own else "")
-
-    def _refuse(self, message):
-        self.report({"ERROR"}, message)
-        return {"CANCELLED"}
 
 
 classes = (GSSMC_OT_download_model,)

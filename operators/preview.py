@@ -6,8 +6,7 @@ from bpy.props import StringProperty
 from ..core.errors import RefineError
 from ..gssmc_addon import preview_images, preview_job, preview_options, properties
 from ..gssmc_addon.job_operator import JobOperator
-
-NO_EDITOR = 'Open an Image Editor and pick "{}" in its header to see it.'
+from ..gssmc_addon.texts import rpt_
 
 
 class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
@@ -30,36 +29,46 @@ class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
                 setattr(self, name, getattr(own, name))
         if self.background and self.style not in preview_options.BACKGROUND:
             raise RefineError(
-                "This style cannot stand behind the camera; choose Diagonal, Wipe, Squares, Difference or Render."
+                rpt_("This style cannot stand behind the camera; choose Diagonal, Wipe, Squares, Difference or Render.")
             )
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
         if self.camera and camera is None:
-            raise RefineError(f'There is no camera "{self.camera}"; give the name of a camera object.')
+            raise RefineError(rpt_('There is no camera "{name}"; give the name of a camera object.', name=self.camera))
         self._camera = camera.name if camera else ""
         return preview_job.gather(context, camera, preview_job.options_of(self), properties.settings_from(scene.gssmc))
 
     def apply(self, context, job, result):
         camera = context.scene.objects.get(self._camera)
         if camera is None or camera.type != "CAMERA":
-            raise RefineError(f'The camera "{self._camera}" was removed while its preview was rendered.')
+            raise RefineError(rpt_('The camera "{name}" was removed while its preview was rendered.', name=self._camera))
         if result.new:
             preview_images.put_pair(result.pair, job.inputs.key)
         image = preview_images.find("render") if self.style == "FLICKER" else preview_images.put_picture(result.picture)
         shown = preview_images.show(image)
         preview_images.set_behind(camera.data, image if self.background else None)
         context.window_manager.gssmc.preview.flicker = self.style == "FLICKER" and shown
-        words = [f'Preview of "{camera.name}".']
-        if result.matches:
-            good = result.matches.good
-            words = [f'"{camera.name}": {good.sum()} of {len(good)} matches sit at the same place in photo and render.']
+        words = [_told(camera, result)]
         if not shown and not self.background:
-            words.append(NO_EDITOR.format(image.name))
+            words.append(rpt_('Open an Image Editor and pick "{image}" in its header to see it.', image=image.name))
         self.tell(context, " ".join(words))
         self.report({"INFO"}, " ".join(words))
         return {"FINISHED"}
 
     def stopped(self, context, job):
-        return self.refuse(context, "The preview was cancelled.", level="INFO")
+        return self.refuse(context, rpt_("The preview was cancelled."), level="INFO")
+
+
+def _told(camera, result):
+    """What the preview shows, as a sentence."""
+    if not result.matches:
+        return rpt_('Preview of "{name}".', name=camera.name)
+    good = result.matches.good
+    return rpt_(
+        '"{name}": {good} of {count} matches sit at the same place in photo and render.',
+        name=camera.name,
+        good=good.sum(),
+        count=len(good),
+    )
 
 
 classes = (GSSMC_OT_preview,)

@@ -5,6 +5,7 @@ from bpy.props import StringProperty
 
 from ..gssmc_addon import jobs, photo_image, properties
 from ..gssmc_addon.job_operator import JobOperator
+from ..gssmc_addon.texts import rpt_
 
 
 class GSSMC_OT_refine(JobOperator, bpy.types.Operator):
@@ -36,7 +37,7 @@ class GSSMC_OT_refine(JobOperator, bpy.types.Operator):
         return {"CANCELLED" if report.verdict == "failed" else "FINISHED"}
 
     def stopped(self, context, job):
-        return self.refuse(context, "The refinement was cancelled; nothing was changed.", level="INFO")
+        return self.refuse(context, rpt_("The refinement was cancelled; nothing was changed."), level="INFO")
 
 
 classes = (GSSMC_OT_refine,)

@@ -5,6 +5,7 @@ from bpy.props import EnumProperty
 
 from ..gssmc_addon import photo_list, photo_queue, properties
 from ..gssmc_addon.job_operator import JobOperator
+from ..gssmc_addon.texts import rpt_, tip_
 
 WHICH = (
     ("ALL", "All", "Every photo of the list"),
@@ -28,7 +29,8 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
 
     @classmethod
     def description(cls, context, properties):
-        return f"{cls.__doc__}. {next(item[2] for item in WHICH if item[0] == properties.which)}"
+        which = next(item[2] for item in WHICH if item[0] == properties.which)
+        return f"{tip_(cls.__doc__)}. {tip_(which)}"
 
     @classmethod
     def poll(cls, context):
@@ -51,7 +53,7 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
 
     def stopped(self, context, job):
         """What was refined before the stop is kept: each photo stands for itself."""
-        message = f"Stopped. {job.summary()}"
+        message = rpt_("Stopped. {summary}", summary=job.summary())
         self.tell(context, message)
         self.report({"INFO"}, message)
         return {"FINISHED" if job.refined else "CANCELLED"}

@@ -4,9 +4,10 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..core.errors import RefineError
-from ..gssmc_addon import camera_keys, plate_source, properties
+from ..gssmc_addon import camera_channels, camera_keys, plate_source, properties, splat_object
 from ..gssmc_addon.job_operator import JobOperator
 from ..gssmc_addon.sequence_job import SequenceJob, SequenceOptions, frame_list
+from ..gssmc_addon.texts import rpt_
 
 
 class GSSMC_OT_refine_sequence(JobOperator, bpy.types.Operator):
@@ -66,22 +67,21 @@ class GSSMC_OT_refine_sequence(JobOperator, bpy.types.Operator):
 
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
-        scene, splat = context.scene, context.scene.gssmc.splat
-        if splat is None or splat.name not in scene.objects:
-            raise RefineError("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.")
+        scene = context.scene
+        splat_object.check_picked(scene, scene.gssmc.splat)
         low, high = self._range(context)
         start, end = (
             getattr(self, name) if self.properties.is_property_set(name) else default
             for name, default in (("start", low), ("end", high))
         )
-        camera_keys.check_keyable(scene.camera)
+        camera_channels.check_writable(scene.camera)
         options = SequenceOptions(start, end, self.step, self.smooth_frames, self.every_frame, self.key_lens)
         settings = properties.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
         return SequenceJob(scene, scene.camera, options, settings)
 
     def apply(self, context, job, result):
         scene, splat, camera = job.find()
-        camera_keys.check_keyable(camera)
+        camera_channels.check_writable(camera)
         cameras = job.path()
         camera_keys.write(scene, camera, splat, cameras, job.options.key_lens)
         seconds = sum(report.seconds for report in job.reports.values())
@@ -90,17 +90,18 @@ class GSSMC_OT_refine_sequence(JobOperator, bpy.types.Operator):
         properties.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
         camera.data.gssmc.bad_frames = frame_list(job.bad)
         self.tell(context, "")
-        self.report({"INFO" if trusted else "WARNING"}, f'"{camera.name}": {job.summary()} {len(cameras)} keys were set.')
+        values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
+        self.report({"INFO" if trusted else "WARNING"}, rpt_('"{name}": {summary} {count} keys were set.', **values))
         return {"FINISHED"}
 
     def _range(self, context):
         """The frames that scene and plate share. Raises RefineError."""
         scene, camera = context.scene, context.scene.camera
         if camera is None or camera.type != "CAMERA":
-            raise RefineError("The scene has no camera for the plate; use Add Plate in the GS-SMC panel.")
+            raise RefineError(rpt_("The scene has no camera for the plate; use Add Plate in the GS-SMC panel."))
         plate = plate_source.moving_photo(camera)
         if plate is None:
-            raise RefineError(f'The camera "{camera.name}" has no image sequence or movie; use Add Plate in the GS-SMC panel.')
+            raise RefineError(plate_source.no_plate(camera))
         first, last = plate.scene_range
         low, high = max(first, scene.frame_start), min(last, scene.frame_end)
         return (low, high) if low <= high else (first, last)

@@ -3,10 +3,12 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ..gssmc_addon import jobs, photo_image, photo_list
+from ..gssmc_addon import photo_image, photo_list
+from ..gssmc_addon.job_operator import Idle
+from ..gssmc_addon.texts import rpt_
 
 
-class GSSMC_OT_remove_photo(bpy.types.Operator):
+class GSSMC_OT_remove_photo(Idle, bpy.types.Operator):
     """Take the photo out of the list, and its camera out of the scene"""
 
     bl_idname = "gssmc.remove_photo"
@@ -18,13 +20,10 @@ class GSSMC_OT_remove_photo(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         own = context.scene.gssmc
-        if jobs.active():
-            cls.poll_message_set("A refinement or another job is running; wait for it or cancel it")
-            return False
         if not 0 <= own.photo_index < len(own.photos):
             cls.poll_message_set("No photo of the list is picked")
             return False
-        return True
+        return super().poll(context)
 
     def execute(self, context):
         own = context.scene.gssmc
@@ -34,7 +33,7 @@ class GSSMC_OT_remove_photo(bpy.types.Operator):
         if camera and self.camera:
             _delete(camera)
         own.photo_index = max(0, min(index, len(own.photos) - 1))
-        self.report({"INFO"}, f'"{title}" was removed.')
+        self.report({"INFO"}, rpt_('"{photo}" was removed.', photo=title))
         return {"FINISHED"}
 
 

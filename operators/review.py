@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, IntProperty
 
 from ..gssmc_addon import photo_list
+from ..gssmc_addon.texts import tip_
 
 
 class GSSMC_OT_review(bpy.types.Operator):
@@ -25,9 +26,11 @@ class GSSMC_OT_review(bpy.types.Operator):
 
     @classmethod
     def description(cls, context, properties):
-        way = "next" if properties.step > 0 else "previous"
-        what = " whose camera is not trusted" if properties.skip_trusted else ""
-        return f"Look through the camera of the {way} photo of the list{what}"
+        if properties.step > 0:
+            next_unsure = tip_("Look through the camera of the next photo of the list whose camera is not trusted")
+            return next_unsure if properties.skip_trusted else tip_("Look through the camera of the next photo of the list")
+        before_unsure = tip_("Look through the camera of the previous photo of the list whose camera is not trusted")
+        return before_unsure if properties.skip_trusted else tip_("Look through the camera of the previous photo of the list")
 
     def execute(self, context):
         own = context.scene.gssmc

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from panels_drawn import Layout
 from samples import counts, write_photo
 
 sys.path.append(str(Path(__file__).parents[2] / "core"))
@@ -124,29 +125,6 @@ def test_a_model_that_is_none_is_one_sentence(bpy, scene, preferences, tmp_path)
 
 
 OWN = ("threads", "memory_limit_gb", "default_preset", "log_file")
-
-
-class Layout:
-    """Records what a panel draws."""
-
-    def __init__(self):
-        self.said = []
-
-    def label(self, text="", icon="NONE"):
-        self.said.append(text)
-
-    def operator(self, name, **_):
-        self.said.append(name)
-        return SimpleNamespace()
-
-    def prop(self, owner, name, **_):
-        assert hasattr(owner, name)
-        self.said.append(name)
-
-    def column(self, **_):
-        return self
-
-    row = box = column
 
 
 def drawn(bpy, extension, **values):

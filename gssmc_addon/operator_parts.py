@@ -1,0 +1,46 @@
+"""What operators share: a refusal is one sentence, a file comes from the browser, the scene camera has its photo."""
+
+from __future__ import annotations
+
+import bpy
+from bpy_extras.io_utils import ImportHelper
+
+from ..core.errors import GssmcError
+from . import photo_image
+
+
+class PlainOperator:
+    """A mixin for operators that are done at once: `run` does the work, and a GssmcError of it becomes the report."""
+
+    def run(self, context: bpy.types.Context) -> set[str]:
+        """The operator's result. Raises GssmcError, with nothing changed."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            return self.run(context)
+        except GssmcError as error:
+            return self.refuse(str(error))
+
+    def refuse(self, message: str) -> set[str]:
+        self.report({"ERROR"}, message)
+        return {"CANCELLED"}
+
+
+class FromFile(ImportHelper):
+    """A mixin: the file browser, which leaves the name that was chosen as it is."""
+
+    def check(self, context: bpy.types.Context) -> bool:
+        return False  # ImportHelper would append a file extension
+
+
+class OfPhoto(PlainOperator):
+    """A mixin for operators on the scene camera and its photo."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        camera = context.scene.camera
+        if camera is None or camera.type != "CAMERA" or photo_image.camera_photo(camera) is None:
+            cls.poll_message_set("The scene camera has no photo")
+            return False
+        return True
