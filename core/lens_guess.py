@@ -35,7 +35,8 @@ def guess_lens(photo: Photo) -> LensGuess:
 
 def guess_lens_of_file(path: Path) -> LensGuess:
     """As `guess_lens`, of a file whose pixels need not be decoded for it. Raises PhotoError when it is no photo."""
-    return _guess(*photo_facts(path))
+    facts = photo_facts(path)
+    return _guess(facts.width, facts.height, facts.focal_35mm)
 
 
 def _guess(width: int, height: int, focal_35mm: float | None) -> LensGuess:

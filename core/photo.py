@@ -86,20 +86,30 @@ def read_photo(path: str | Path) -> Photo:
     return _with_focal(photo, exif)
 
 
-def photo_facts(path: str | Path) -> tuple[int, int, float | None]:
-    """Width, height and `focal_35mm` as `read_photo` gives them, from the file's header alone where that tells its size."""
+@dataclass(frozen=True)
+class PhotoFacts:
+    """What a photo's header says: size upright and `focal_35mm` as in Photo, and whether its pixels are stored upright."""
+
+    width: int
+    height: int
+    focal_35mm: float | None
+    stored_upright: bool
+
+
+def photo_facts(path: str | Path) -> PhotoFacts:
+    """The facts as `read_photo` would find them, without decoding where the header tells the size. Raises PhotoError."""
     path = Path(path)
     data = _read_bytes(path)
-    size = picture_size(data)
+    size, exif = picture_size(data), read_exif(data)
+    upright = exif.orientation == 1
     if size is None:
         photo = read_photo(path)
-        return photo.width, photo.height, photo.focal_35mm
-    exif = read_exif(data)
+        return PhotoFacts(photo.width, photo.height, photo.focal_35mm, upright)
     width, height = size[::-1] if exif.orientation >= 5 else size
     focal = exif.focal_35mm
     if focal is None and exif.focal_mm is not None:
         focal = focal_35mm_of(exif.model, exif.focal_mm, width, height)
-    return width, height, focal
+    return PhotoFacts(width, height, focal, upright)
 
 
 def _with_focal(photo: Photo, exif: Exif) -> Photo:

@@ -86,7 +86,7 @@ def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.ty
 
     Raises CameraError, with the camera as it was, when splat or parent can no longer carry it.
     """
-    matrix = Matrix(conventions.pose_to_blender(result.pose, splat_similarity(splat)).tolist())
+    matrix = _matrix_of(splat, result)
     before = camera.matrix_basis.copy()
     camera.matrix_world = matrix
     for layer in scene.view_layers:
@@ -103,6 +103,22 @@ def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.ty
                 name=camera.name,
             )
         )
+    return _write_lens_of(scene, camera, result)
+
+
+def write_new_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, result: Camera) -> None:
+    """As `write_camera`, of a camera object without parent that is not yet in the scene: nothing else can move it, so no view
+    layer has to be evaluated to see where it stands, which takes longer the more objects there are.
+    """
+    camera.matrix_world = _matrix_of(splat, result)
+    _write_lens_of(scene, camera, result)
+
+
+def _matrix_of(splat: bpy.types.Object, result: Camera) -> Matrix:
+    return Matrix(conventions.pose_to_blender(result.pose, splat_similarity(splat)).tolist())
+
+
+def _write_lens_of(scene: bpy.types.Scene, camera: bpy.types.Object, result: Camera) -> bool:
     camera.data.gssmc.lens_calibrated = not result.focal_guessed
     return write_intrinsics(scene, camera.data, result.intrinsics)
 

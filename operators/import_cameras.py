@@ -4,13 +4,15 @@ from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
-from ..core.errors import GssmcError
-from ..gssmc_addon import camera_bridge, camera_exchange
+from ..gssmc_addon import camera_bridge
+from ..gssmc_addon.camera_import_job import CameraImport
+from ..gssmc_addon.job_operator import JobOperator
+from ..gssmc_addon.operator_parts import FromFile
+from ..gssmc_addon.texts import rpt_
 
 
-class GSSMC_OT_import_cameras(bpy.types.Operator, ImportHelper):
+class GSSMC_OT_import_cameras(JobOperator, bpy.types.Operator, FromFile):
     """Import cameras, with their photos, from a COLMAP text model, transforms.json or camera JSON of the splat's own world"""
 
     bl_idname = "gssmc.import_cameras"
@@ -30,28 +32,36 @@ class GSSMC_OT_import_cameras(bpy.types.Operator, ImportHelper):
     @classmethod
     def poll(cls, context):
         if context.scene.gssmc.splat is None:
-            cls.poll_message_set(camera_exchange.NO_SPLAT)
+            cls.poll_message_set("Cameras need a splat to stand in; import the splat first.")
             return False
-        return True
+        return super().poll(context)
 
-    def check(self, context):
-        return False  # ImportHelper would append a file extension
+    def invoke(self, context, event):
+        self._window = True
+        return FromFile.invoke(self, context, event)
 
     def execute(self, context):
+        """After the file browser beside Blender; from scripts it waits."""
+        return self.begin(context) if getattr(self, "_window", False) else super().execute(context)
+
+    def gather(self, context):
         context.view_layer.update()
-        path = Path(bpy.path.abspath(self.filepath))
+        camera_bridge.splat_similarity(context.scene.gssmc.splat)
         photos = Path(bpy.path.abspath(self.photos)) if self.photos else None
-        try:
-            camera_bridge.splat_similarity(context.scene.gssmc.splat)
-            found, left_out = camera_exchange.gather(path, photos)
-        except GssmcError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        camera_exchange.add_cameras(context, path.stem or path.name, found, self.set_resolution)
-        shown = sum(item.file is not None for item in found)
-        more = f" {left_out} without a lens were left out." if left_out else ""
-        self.report({"INFO"}, f'{len(found)} cameras from "{path.name}", {shown} of them with their photo.{more}')
+        return CameraImport(context.scene, Path(bpy.path.abspath(self.filepath)), photos, self.set_resolution)
+
+    def apply(self, context, job, result):
+        job.finish()
+        values = {"count": job.made, "file": Path(self.filepath).name, "shown": job.shown}
+        words = [rpt_('{count} cameras from "{file}", {shown} of them with their photo.', **values)]
+        if job.left_out:
+            words.append(rpt_("{count} without a lens were left out.", count=job.left_out))
+        self.tell(context, "")
+        self.report({"INFO"}, " ".join(words))
         return {"FINISHED"}
+
+    def stopped(self, context, job):
+        return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")
 
 
 classes = (GSSMC_OT_import_cameras,)

@@ -37,10 +37,19 @@ def same(extension, got, wanted):
     assert got.file == wanted.file
 
 
+def read_to_end(extension, path, photos):
+    steps = extension("gssmc_addon.camera_import_job").gather(path, photos)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
 @pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
 def test_cameras_go_in_and_come_out(bpy, extension, scene, cameras, tmp_path, kind):
     """In by the engine's writers, out by the operator, read by the engine's readers; and once more in."""
-    exchange, files = extension("gssmc_addon.camera_exchange"), extension("core.camera_files")
+    files = extension("core.camera_files")
     files.write_cameras(tmp_path / "in.json", cameras)
     assert bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "in.json")) == {"FINISHED"}
     assert (scene.render.resolution_x, scene.render.resolution_y) == (1920, 1080)
@@ -48,9 +57,7 @@ def test_cameras_go_in_and_come_out(bpy, extension, scene, cameras, tmp_path, ki
     assert scene.camera.data.background_images[0].image.name == "a.png"
     out = tmp_path / ("model" if kind == "COLMAP" else "transforms.json")
     assert bpy.ops.gssmc.export_cameras(filepath=str(out), format=kind) == {"FINISHED"}
-    found, left_out = exchange.gather(out, tmp_path)
-    assert (len(found), left_out) == (2, 0)
-    for item, wanted in zip(found, cameras, strict=True):
+    for item, wanted in zip(read_to_end(extension, out, tmp_path), cameras, strict=True):
         same(extension, item.camera, wanted)
     assert bpy.ops.gssmc.import_cameras(filepath=str(out), photos=str(tmp_path)) == {"FINISHED"}
 
@@ -71,6 +78,49 @@ def test_poses_alone_take_their_lens_from_the_photo(bpy, scene, tmp_path):
     bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "p.json"))
     assert [o.name for o in scene.objects if o.type == "CAMERA"] == ["a"]
     assert not scene.camera.data.gssmc.lens_calibrated
+
+
+def test_photos_are_not_decoded_but_for_those_that_must_be_turned(bpy, scene, tmp_path):
+    """Decoding takes a tenth of a second per photo, and its pixels stay in memory."""
+    write_photo(tmp_path / "a.jpg", 60, 90)
+    write_photo(tmp_path / "b.jpg", 60, 90, orientation=3)
+    pose = {"R": np.eye(3).tolist(), "t": [0, 0, 2.0]}
+    (tmp_path / "p.json").write_text(json.dumps({"frames": [pose | {"file": name} for name in ("a.jpg", "b.jpg")]}))
+    bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "p.json"))
+    a, b = (next(o for o in scene.objects if o.name == name).data.gssmc.photo for name in "ab")
+    assert not a.has_data
+    bottom = np.array(b.pixels[:]).reshape(90, 60, 4)[10, 30, :3]
+    np.testing.assert_allclose(bottom, (1, 0, 0), atol=0.02)  # stored red over blue
+
+
+@pytest.fixture
+def importing(extension, scene, cameras, tmp_path, monkeypatch):
+    """An import that has made one of two cameras, driven by hand as the timer of the window does it."""
+    module = extension("gssmc_addon.camera_import_job")
+    monkeypatch.setattr(module, "SLICE_S", -1.0)  # one camera a tick
+    extension("core.camera_files").write_cameras(tmp_path / "in.json", cameras)
+    job = module.CameraImport(scene, tmp_path / "in.json", None, False)
+    job.start()
+    while job.made == 0:
+        assert job.tick() is None
+        job.join(0.1)
+    return job
+
+
+def test_a_stopped_import_leaves_nothing(bpy, scene, importing):
+    objects = [o.name for o in scene.objects]
+    importing.cancel()
+    assert (len(bpy.data.cameras), len(bpy.data.images), len(bpy.data.collections)) == (0, 0, 0)
+    assert [o.name for o in scene.objects] == objects
+
+
+def test_an_import_goes_on_after_its_scene_is_edited_and_ends_with_its_splat(bpy, scene, importing, extension):
+    bpy.data.objects.new("other", None)
+    assert importing.tick() is importing
+    assert importing.made == 2
+    bpy.data.objects.remove(scene.gssmc.splat)
+    with pytest.raises(extension("core.errors").CameraError, match="removed while cameras were imported"):
+        importing.tick()
 
 
 @pytest.mark.parametrize("content", ["{", '{"frames": []}', '[{"R": 1, "t": 2}]'])

@@ -1,0 +1,192 @@
+"""Cameras in from files of other programs: read in a thread, with the headers of their photos, and made in slices.
+
+Thousands of them must not hold up the window. Between two slices Blender's data may change (undo, another file), so what was
+made is kept by session id.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..core import datasets
+from ..core.camera import Camera
+from ..core.camera_files import Start, read_starts
+from ..core.datasets import colmap
+from ..core.errors import CameraError, GssmcError
+from ..core.lens_guess import guess_lens
+from ..core.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
+from . import camera_bridge, jobs, photo_camera, photo_image
+from .job import Job, redraw
+from .texts import iface_, n_, rpt_
+
+PHOTO_PLACES = (".", "images", "../images", "../../images")  # seen from the file: COLMAP's and nerfstudio's habits
+SLICE_S = 0.03  # of each tick; a photo that has to be turned may exceed it
+READING = 0.5  # share of the progress shown
+
+
+@dataclass(frozen=True)
+class Incoming:
+    """A camera to be made: the engine's, and its photo where one was found (`file`; `turned`: not stored upright)."""
+
+    camera: Camera
+    file: Path | None
+    turned: bool = False
+
+
+Found = list[Incoming | None]  # None for a camera that has no lens, nor a photo to take one from
+
+
+def gather(path: Path, photos: Path | None) -> Generator[float, None, Found]:
+    """The cameras of a file or folder, read step by step (yields the share done). Needs no Blender. Raises GssmcError."""
+    path = model_of(path)
+    folder = path if path.is_dir() else path.parent
+    places = [photos] if photos else [folder / place for place in PHOTO_PLACES]
+    starts, found = _starts(path), []
+    for number, start in enumerate(starts, start=1):
+        found.append(_incoming(start, places))
+        yield number / len(starts)
+    return found
+
+
+def model_of(path: Path) -> Path:
+    """The folder of a COLMAP model whose cameras or points were chosen, any other path as it is."""
+    return path.parent if path.name in (colmap.CAMERAS, colmap.POINTS) else path
+
+
+def _starts(path: Path) -> list[Start]:
+    if datasets.detect(path) == "cameras":
+        return read_starts(path)
+    return [Start(frame.pose, frame.name, frame.intrinsics) for frame in datasets.read(path).frames]
+
+
+def _incoming(start: Start, places: Sequence[Path]) -> Incoming | None:
+    name = start.file.replace("\\", "/")
+    tries = [place / n for place in places for n in (name, Path(name).name)] if name else []
+    file = next((f for f in tries if f.is_file()), None)
+    facts = _facts(file) if file else None
+    if file is None or facts is None:
+        return Incoming(start.camera(start.intrinsics), None) if start.intrinsics else None
+    # decoding hundreds would take minutes: a photo of which only size and focal length are known
+    photo = Photo(np.zeros((1, 1, 3), np.uint8), str(file), facts.focal_35mm, full_size=(facts.width, facts.height))
+    camera = start.camera(guess_lens(photo).intrinsics)
+    camera = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
+    return Incoming(camera, file, not facts.stored_upright)
+
+
+def _facts(file: Path) -> PhotoFacts | None:
+    """None for a bad photo."""
+    try:
+        return photo_facts(file)
+    except (GssmcError, OSError):
+        return None
+
+
+class CameraImport(Job):
+    """The import of `path`. Its result is the job itself: `made` cameras, `shown` with their photo, `left_out` for no lens.
+
+    The cameras come into the scene at the end, all together, in a collection named after the file.
+    """
+
+    status = n_("Importing cameras    Esc: cancel")
+
+    def __init__(self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool) -> None:
+        super().__init__(partial(gather, path, photos))
+        self.step = n_("Reading cameras and photos")
+        self.made = self.shown = self.left_out = 0
+        self._path, self._set_resolution = path, set_resolution
+        self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
+        self._left: list[Incoming] | None = None  # to be made, the last one first
+        self._collection = 0
+        self._first = 0
+
+    def check(self) -> None:
+        scene = jobs.by_uid(bpy.data.scenes, self._scene)
+        if scene is None or jobs.by_uid(scene.objects, self._splat) is None:
+            raise CameraError(rpt_("The splat or its scene was removed while cameras were imported; import them again."))
+
+    def note(self, news: float) -> None:
+        self.fraction = READING * news
+
+    def tick(self) -> CameraImport | None:
+        if self._left is None:
+            found = super().tick()
+            if found is not None:
+                self._begin(found)
+            return None
+        until = time.perf_counter() + SLICE_S
+        try:
+            self.check()
+            while self._left:
+                self._make(self._left[-1])
+                self._left.pop()
+                if self._left and time.perf_counter() > until:
+                    self.fraction = READING + (1 - READING) * self.made / (self.made + len(self._left))
+                    redraw()
+                    return None
+        except GssmcError:
+            self.cancel()
+            raise
+        return self
+
+    def finish(self) -> None:
+        """Brings what was made into the scene; the first camera becomes the scene's. Raises CameraError when it is gone."""
+        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), self._living_collection()
+        scene.collection.children.link(collection)
+        scene.camera = jobs.by_uid(collection.objects, self._first)
+
+    def cancel(self) -> None:
+        """Also removes what was made so far, unless that is all."""
+        super().cancel()
+        collection = jobs.by_uid(bpy.data.collections, self._collection)
+        if collection is None or not self._left:
+            return
+        data = [obj.data for obj in collection.objects]
+        images = {obj.data.gssmc.photo for obj in collection.objects}
+        bpy.data.batch_remove([*collection.objects, *data, collection])
+        bpy.data.batch_remove([image for image in images if image and image.users == 0])
+
+    def _begin(self, found: Found) -> None:
+        usable = [item for item in found if item is not None]
+        if not usable:
+            name = model_of(self._path).name
+            raise CameraError(
+                rpt_("No camera in '{file}' has a lens, nor a photo to take one from; give the photos' folder.", file=name)
+            )
+        self.left_out = len(found) - len(usable)
+        self.step = iface_("Making cameras")
+        scene, lens = jobs.by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
+        photo_camera.frame(scene, lens.width, lens.height, self._set_resolution)
+        self._collection = bpy.data.collections.new(self._path.stem or self._path.name).session_uid
+        self._left = usable[::-1]
+
+    def _make(self, item: Incoming) -> None:
+        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), self._living_collection()
+        name = Path(item.camera.file).stem or self._path.stem
+        obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+        collection.objects.link(obj)
+        if item.file:
+            obj.data.gssmc.photo = _image(item.file, item.turned)
+            self.shown += 1
+        camera_bridge.write_new_camera(scene, obj, jobs.by_uid(scene.objects, self._splat), item.camera)
+        self._first = self._first or obj.session_uid
+        self.made += 1
+
+    def _living_collection(self) -> bpy.types.Collection:
+        collection = jobs.by_uid(bpy.data.collections, self._collection)
+        if collection is None:
+            raise CameraError(rpt_("The cameras were removed while they were imported; import them again."))
+        return collection
+
+
+def _image(file: Path, turned: bool) -> bpy.types.Image:
+    """The photo upright: Blender's own image unless EXIF turns it. Blender decodes it when it first shows it."""
+    return (
+        photo_image.load_image(str(file), read_photo(file)) if turned else bpy.data.images.load(str(file), check_existing=True)
+    )
