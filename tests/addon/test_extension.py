@@ -26,7 +26,7 @@ pytest.importorskip("bpy", reason="ring 2 needs Blender as a Python module (bpy)
 def extension_zip(tmp_path_factory):
     """The extension without wheels: the test environment already has what they would bring."""
     out = tmp_path_factory.mktemp("dist")
-    build = [sys.executable, str(REPO / "scripts" / "build_extension.py"), "--no-wheels", "--out", str(out)]
+    build = [sys.executable, str(REPO / "tools" / "build_extension.py"), "--no-wheels", "--out", str(out)]
     done = subprocess.run(build, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return next(out.glob("gssmc-*.zip"))

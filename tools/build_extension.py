@@ -1,7 +1,7 @@
 """Builds the extension's zip files with Blender's own builder.
 
-python scripts/build_extension.py               one zip per platform in dist/, with the wheels its Pythons need
-python scripts/build_extension.py --no-wheels   one small zip for a Blender whose Python has them already (tests)
+python tools/build_extension.py               one zip per platform in dist/, with the wheels its Pythons need
+python tools/build_extension.py --no-wheels   one small zip for a Blender whose Python has them already (tests)
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ def main() -> int:
         subprocess.run(command + ([] if options.no_wheels else ["--split-platforms"]), check=True)
     for archive in sorted(options.out.glob("gssmc-*.zip")):
         check_archive(builder, archive)
+        if not options.no_wheels:
+            check_wheels(archive)
         print(f"{archive}  {archive.stat().st_size / 1e6:.1f} MB")
     return 0
 
@@ -86,6 +88,21 @@ def check_archive(builder: Path, archive: Path) -> None:
         sys.exit(f"{archive} holds {numpy[0]}; numpy is Blender's own and must not be bundled.")
 
 
+def check_wheels(archive: Path) -> None:
+    """Ends the program when a platform's zip lacks what one of its Pythons needs, or holds what only others can load."""
+    platform = next((p for p in PLATFORM_TAGS if p.replace("-", "_") in archive.name), None)
+    if platform is None:
+        return  # left from a build without wheels
+    with zipfile.ZipFile(archive) as content:
+        wheels = [Path(name).name for name in content.namelist() if name.endswith(".whl")]
+    for requirement, python in WHEELS:
+        if not any(fulfils(name, requirement, python) for name in wheels):
+            sys.exit(f"{archive} holds no {requirement} for Python {python}; delete the folder of wheels and build again.")
+    for name in wheels:
+        if not name.endswith(("none-any.whl", *(f"{tag}.whl" for tag in PLATFORM_TAGS[platform]))):
+            sys.exit(f"{archive} holds {name}, which {platform} cannot load.")
+
+
 def copy_sources(stage: Path) -> None:
     stage.mkdir()
     for name in SHIPPED:
@@ -108,10 +125,14 @@ def fetch_wheels(platforms: list[str], folder: Path) -> None:
 
 def matching(folder: Path, requirement: str, python: str) -> list[Path]:
     """The wheels in `folder` that fulfil `requirement` for that Python."""
+    return [wheel for wheel in folder.glob("*.whl") if fulfils(wheel.name, requirement, python)]
+
+
+def fulfils(wheel: str, requirement: str, python: str) -> bool:
+    """Whether a wheel of that file name is what `requirement` asks for, and loads in that Python."""
     name, version = requirement.split("==")
-    found = folder.glob(f"{name.replace('-', '_')}-{version}-*.whl")
-    tag = "cp" + python.replace(".", "")
-    return [w for w in found if f"-{tag}-" in w.name or "abi3" in w.name or "-none-any" in w.name]
+    fits = any(tag in wheel for tag in (f"-cp{python.replace('.', '')}-", "abi3", "-none-any"))
+    return fits and wheel.startswith(f"{name.replace('-', '_')}-{version}-")
 
 
 def download(requirement: str, python: str, tags: tuple[str, ...], target: Path) -> None:
