@@ -103,3 +103,13 @@ class JobOperator(Idle):
         """The line in the panel."""
         context.window_manager.gssmc.message = message
         context.window_manager.gssmc.message_icon = icon
+
+
+class AskingJobOperator(JobOperator):
+    """A mixin for jobs that a dialog or the file browser comes before: `invoke` sets `asked`, and Blender calls `execute`."""
+
+    asked = False
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """After the dialog beside Blender; from scripts it waits."""
+        return self.begin(context) if self.asked else super().execute(context)

@@ -7,6 +7,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
 from . import photo_image
+from .job_operator import AskingJobOperator
 
 
 class PlainOperator:
@@ -32,6 +33,14 @@ class FromFile(ImportHelper):
 
     def check(self, context: bpy.types.Context) -> bool:
         return False  # ImportHelper would append a file extension
+
+
+class JobFromFile(AskingJobOperator, FromFile):
+    """A mixin for jobs on files from the browser."""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        self.asked = True
+        return FromFile.invoke(self, context, event)
 
 
 class OfPhoto(PlainOperator):

@@ -7,13 +7,12 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..core.errors import RefineError
 from ..gssmc_addon import jobs, photo_list
-from ..gssmc_addon.job_operator import JobOperator
-from ..gssmc_addon.operator_parts import FromFile
+from ..gssmc_addon.operator_parts import JobFromFile
 from ..gssmc_addon.photo_queue import AddPhotosJob, photos_in
 from ..gssmc_addon.texts import rpt_
 
 
-class _AddPhotos(JobOperator, FromFile):
+class _AddPhotos(JobFromFile):
     """What the two ways of choosing photos share."""
 
     __annotations__ = {
@@ -25,14 +24,6 @@ class _AddPhotos(JobOperator, FromFile):
             description="Optional JSON file of cameras; those that name a photo give it lens, distortion and start pose",
         ),
     }
-
-    def invoke(self, context, event):
-        self._window = True
-        return FromFile.invoke(self, context, event)
-
-    def execute(self, context):
-        """After the file browser beside Blender; from scripts it waits."""
-        return self.begin(context) if getattr(self, "_window", False) else super().execute(context)
 
     def gather(self, context):
         context.view_layer.update()

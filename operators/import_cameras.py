@@ -7,12 +7,11 @@ from bpy.props import BoolProperty, StringProperty
 
 from ..gssmc_addon import camera_bridge
 from ..gssmc_addon.camera_import_job import CameraImport
-from ..gssmc_addon.job_operator import JobOperator
-from ..gssmc_addon.operator_parts import FromFile
+from ..gssmc_addon.operator_parts import JobFromFile
 from ..gssmc_addon.texts import rpt_
 
 
-class GSSMC_OT_import_cameras(JobOperator, bpy.types.Operator, FromFile):
+class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
     """Import cameras, with their photos, from a COLMAP text model, transforms.json or camera JSON of the splat's own world"""
 
     bl_idname = "gssmc.import_cameras"
@@ -35,14 +34,6 @@ class GSSMC_OT_import_cameras(JobOperator, bpy.types.Operator, FromFile):
             cls.poll_message_set("Cameras need a splat to stand in; import the splat first.")
             return False
         return super().poll(context)
-
-    def invoke(self, context, event):
-        self._window = True
-        return FromFile.invoke(self, context, event)
-
-    def execute(self, context):
-        """After the file browser beside Blender; from scripts it waits."""
-        return self.begin(context) if getattr(self, "_window", False) else super().execute(context)
 
     def gather(self, context):
         context.view_layer.update()

@@ -5,12 +5,12 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..core.errors import RefineError
 from ..gssmc_addon import camera_channels, camera_keys, plate_source, properties, splat_object
-from ..gssmc_addon.job_operator import JobOperator
+from ..gssmc_addon.job_operator import AskingJobOperator
 from ..gssmc_addon.sequence_job import SequenceJob, SequenceOptions, frame_list
 from ..gssmc_addon.texts import rpt_
 
 
-class GSSMC_OT_refine_sequence(JobOperator, bpy.types.Operator):
+class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
     """Find the camera of a movie or image sequence every few frames, each from its neighbour's answer"""
 
     bl_idname = "gssmc.refine_sequence"
@@ -43,7 +43,7 @@ class GSSMC_OT_refine_sequence(JobOperator, bpy.types.Operator):
 
     def invoke(self, context, event):
         try:
-            self._window, (low, high) = True, self._range(context)
+            self.asked, (low, high) = True, self._range(context)
         except RefineError as error:
             return self.refuse(context, str(error))
         if not self.properties.is_property_set("start"):
@@ -60,10 +60,6 @@ class GSSMC_OT_refine_sequence(JobOperator, bpy.types.Operator):
         column = self.layout.column()
         for name in ("smooth_frames", "every_frame", "key_lens"):
             column.prop(self, name)
-
-    def execute(self, context):
-        """After the dialog beside Blender; from scripts it waits."""
-        return self.begin(context) if getattr(self, "_window", False) else super().execute(context)
 
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count

@@ -1,8 +1,10 @@
 """Other features in Blender: the choice in the panel, model files in the preferences, and the download."""
 
+import hashlib
 import os
 import sys
 import threading
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from panels_drawn import Layout
-from samples import counts, write_photo
+from samples import counts
 
 sys.path.append(str(Path(__file__).parents[2] / "core"))
 from onnx_files import image_net
@@ -18,14 +20,6 @@ from onnx_files import image_net
 MODULE = "bl_ext.user_default.gssmc"
 SHARED = Path(__file__).resolve().parents[4] / "shared" / "models"
 NAME = "aliked-t16-top2048.onnx"
-
-
-@pytest.fixture
-def scene(bpy, tmp_path, splat_file):
-    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    bpy.context.scene.camera.location = (0, 0, 6)
-    return bpy.context.scene
 
 
 @pytest.fixture
@@ -228,6 +222,19 @@ def test_another_file_is_thrown_away(bpy, extension, preferences, server):
     server.body = b"x" * 800_007
     not_downloaded(bpy, "thrown away", accept_licence=True)
     assert list(extension("gssmc_addon.preferences").model_folder().iterdir()) == []
+
+
+def test_a_download_ends_with_the_file(bpy, extension, preferences, server, monkeypatch):
+    """A stand-in for the model, of which only size and checksum are known here; its thread goes the way of every job's."""
+    operator, body = extension("operators.models"), bytes(range(256)) * 3000
+    model = replace(operator.KNOWN[0], bytes=len(body), sha256=hashlib.sha256(body).hexdigest())
+    monkeypatch.setattr(operator, "KNOWN", (model,))
+    bpy.context.preferences.system.use_online_access = True
+    preferences.base_url, server.body = f"http://127.0.0.1:{server.server_port}", body
+    assert bpy.ops.gssmc.download_model(model=NAME, accept_licence=True) == {"FINISHED"}
+    path = extension("gssmc_addon.preferences").model_folder() / NAME
+    assert path.read_bytes() == body
+    path.unlink()
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared/models")

@@ -3,8 +3,6 @@
 import ast
 from pathlib import Path
 
-from samples import write_photo
-
 HERE = Path(__file__).parent
 
 
@@ -21,10 +19,8 @@ def test_every_registered_operator_is_driven(bpy):
     assert registered - called() == set()
 
 
-def test_cancel_stops_the_running_job(bpy, extension, splat_file, tmp_path):
-    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    scene, jobs = bpy.context.scene, extension("gssmc_addon.jobs")
+def test_cancel_stops_the_running_job(bpy, extension, scene):
+    jobs = extension("gssmc_addon.jobs")
     settings = extension("core.pose.settings").RefineSettings()
     job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
     assert not bpy.ops.gssmc.cancel.poll()

@@ -4,7 +4,6 @@ import logging
 
 import numpy as np
 import pytest
-from samples import write_photo
 
 MODULE = "bl_ext.user_default.gssmc"
 
@@ -14,15 +13,6 @@ def own(bpy):
     own = bpy.context.preferences.addons[MODULE].preferences
     yield own
     own.threads, own.memory_limit_gb, own.default_preset, own.log_file = 0, 0.0, "NONE", ""
-
-
-@pytest.fixture
-def scene(bpy, tmp_path, splat_file):
-    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    bpy.context.scene.camera.location = (0, 0, 6)
-    bpy.context.view_layer.update()
-    return bpy.context.scene
 
 
 def test_threads_of_the_preferences_count_where_the_scene_says_0(bpy, own, extension):

@@ -2,19 +2,9 @@
 
 import numpy as np
 import pytest
-from samples import counts, write_photo
+from samples import counts
 
 MODULE = "bl_ext.user_default.gssmc"
-
-
-@pytest.fixture
-def scene(bpy, tmp_path, splat_file):
-    """A splat, a photo of something else, and a camera that looks at the splat from 6 units away."""
-    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    bpy.context.scene.camera.location = (0, 0, 6)
-    bpy.context.view_layer.update()
-    return bpy.context.scene
 
 
 def state(scene):

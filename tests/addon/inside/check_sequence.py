@@ -124,6 +124,9 @@ def test_refusals_are_sentences_and_change_nothing(bpy, plate, tmp_path):
     camera.constraints.new("TRACK_TO").target = scene.gssmc.splat
     refused("Track To")
     camera.constraints.clear()
+    camera.data.driver_add("lens")
+    refused("is driven", key_lens=True)
+    camera.data.animation_data_clear()
     camera.data.gssmc.photo.filepath = str(tmp_path / "gone.0001.png")
     refused("gone.0001.png")
     camera.data.gssmc.photo = None

@@ -29,13 +29,6 @@ def german(bpy, extension, monkeypatch):
     monkeypatch.setattr(extension("gssmc_addon.texts"), "translations", SimpleNamespace(**asked))
 
 
-@pytest.fixture
-def scene(bpy, tmp_path, splat_file):
-    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
-    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    return bpy.context.scene
-
-
 def drawn(bpy, extension):
     """What the main panel says in a wide sidebar."""
     layout, context = Layout(), bpy.context

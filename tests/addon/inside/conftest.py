@@ -4,7 +4,7 @@ import os
 import sys
 
 import pytest
-from samples import random_gaussians, write_ply
+from samples import random_gaussians, write_photo, write_ply
 
 MODULE = "bl_ext.user_default.gssmc"
 
@@ -40,3 +40,13 @@ def extension(blender):
 @pytest.fixture
 def splat_file(tmp_path):
     return write_ply(tmp_path / "scan.ply", random_gaussians(200, 1))
+
+
+@pytest.fixture
+def scene(bpy, tmp_path, splat_file):
+    """A splat, a photo of something else, and a camera that looks at the splat from 6 units away."""
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
+    bpy.context.scene.camera.location = (0, 0, 6)
+    bpy.context.view_layer.update()
+    return bpy.context.scene
