@@ -79,6 +79,10 @@ class RefineSettings:
         """Whether the loop's answer is refined further; the paper's ablations end with the loop."""
         return self.final != "none" and self.multiview and self.epipolar
 
+    def perturb_translation(self, median_depth: float) -> float:
+        """Deviation of the candidates' centres in scene units, where the median rendered depth is `median_depth`."""
+        return self.perturb_translation_units or self.perturb_translation_ratio * median_depth
+
 
 def choices() -> dict[str, tuple[str, ...]]:
     """The allowed words of every option that takes a word."""
