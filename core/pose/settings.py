@@ -45,7 +45,7 @@ class RefineSettings:
     final: Final = "auto"
     lens: Lens = "auto"
     long_side_px: int = 640
-    final_long_side_px: int = 960
+    final_long_side_px: int = 1280
     perturb_translation_ratio: float = 0.045
     perturb_translation_units: float = 0.0
     perturb_rotation_deg: float = 0.5
