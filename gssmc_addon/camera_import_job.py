@@ -17,8 +17,7 @@ import numpy as np
 
 from ..core import datasets
 from ..core.camera import Camera
-from ..core.camera_files import Start, read_starts
-from ..core.datasets import colmap
+from ..core.camera_files import Start
 from ..core.errors import CameraError, GssmcError
 from ..core.lens_guess import guess_lens
 from ..core.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
@@ -27,7 +26,8 @@ from .job import Job, redraw
 from .texts import iface_, n_, rpt_
 
 PHOTO_PLACES = (".", "images", "../images", "../../images")  # seen from the file: COLMAP's and nerfstudio's habits
-SLICE_S = 0.03  # of each tick; a photo that has to be turned may exceed it
+COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")
+SLICE_S = 0.05  # of each tick; a photo that has to be turned may exceed it
 READING = 0.5  # share of the progress shown
 
 
@@ -48,7 +48,7 @@ def gather(path: Path, photos: Path | None) -> Generator[float, None, Found]:
     path = model_of(path)
     folder = path if path.is_dir() else path.parent
     places = [photos] if photos else [folder / place for place in PHOTO_PLACES]
-    starts, found = _starts(path), []
+    starts, found = datasets.starts(path), []
     for number, start in enumerate(starts, start=1):
         found.append(_incoming(start, places))
         yield number / len(starts)
@@ -56,14 +56,8 @@ def gather(path: Path, photos: Path | None) -> Generator[float, None, Found]:
 
 
 def model_of(path: Path) -> Path:
-    """The folder of a COLMAP model whose cameras or points were chosen, any other path as it is."""
-    return path.parent if path.name in (colmap.CAMERAS, colmap.POINTS) else path
-
-
-def _starts(path: Path) -> list[Start]:
-    if datasets.detect(path) == "cameras":
-        return read_starts(path)
-    return [Start(frame.pose, frame.name, frame.intrinsics) for frame in datasets.read(path).frames]
+    """The folder of a COLMAP model of which another file than that of the images was chosen, any other path as it is."""
+    return path.parent if path.stem in COLMAP_OTHERS and path.suffix in (".txt", ".bin") else path
 
 
 def _incoming(start: Start, places: Sequence[Path]) -> Incoming | None:

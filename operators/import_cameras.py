@@ -12,13 +12,13 @@ from ..gssmc_addon.texts import rpt_
 
 
 class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
-    """Import cameras, with their photos, from a COLMAP text model, transforms.json or camera JSON of the splat's own world"""
+    """Import cameras, with their photos, from a COLMAP model, transforms.json or camera JSON of the splat's own world"""
 
     bl_idname = "gssmc.import_cameras"
     bl_label = "Import Photo Cameras"
     bl_options = {"UNDO"}
 
-    filter_glob: StringProperty(default="*.json;*.txt", options={"HIDDEN"})
+    filter_glob: StringProperty(default="*.json;*.txt;*.bin", options={"HIDDEN"})
     photos: StringProperty(
         name="Photos",
         subtype="DIR_PATH",
