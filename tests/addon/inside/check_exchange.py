@@ -1,6 +1,7 @@
 """Cameras in and out, the view as a start, the background undistorted, and what a saved file brings back."""
 
 import json
+import struct
 
 import numpy as np
 import pytest
@@ -78,6 +79,21 @@ def test_poses_alone_take_their_lens_from_the_photo(bpy, scene, tmp_path):
     bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "p.json"))
     assert [o.name for o in scene.objects if o.type == "CAMERA"] == ["a"]
     assert not scene.camera.data.gssmc.lens_calibrated
+
+
+@pytest.mark.parametrize("chosen", ["images.bin", "cameras.bin", "points3D.bin"])
+def test_a_binary_colmap_model_comes_in_by_any_of_its_files(bpy, scene, tmp_path, chosen):
+    (tmp_path / "images").mkdir()
+    write_photo(tmp_path / "images" / "a.png")
+    pinhole = struct.pack("<QIiQQ4d", 1, 1, 1, 60, 90, 80, 81, 31, 44)
+    (tmp_path / "cameras.bin").write_bytes(pinhole)
+    image = struct.pack("<QI7dI", 1, 1, 1, 0, 0, 0, 0.5, 0.25, 2, 1) + b"a.png\0" + struct.pack("<Q", 0)
+    (tmp_path / "images.bin").write_bytes(image)
+    (tmp_path / "points3D.bin").write_bytes(struct.pack("<Q", 0))
+    assert bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / chosen)) == {"FINISHED"}
+    assert (scene.camera.name, scene.camera.data.gssmc.photo.name) == ("a", "a.png")
+    centre = scene.gssmc.splat.matrix_world.inverted() @ scene.camera.matrix_world.translation
+    np.testing.assert_allclose(centre, (-0.5, -0.25, -2), atol=1e-5)
 
 
 def test_photos_are_not_decoded_but_for_those_that_must_be_turned(bpy, scene, tmp_path):
