@@ -18,7 +18,7 @@ from ..core.photo import Photo, check_size
 from ..core.pose.settings import RefineSettings
 from ..core.render import Renderer
 from ..core.render.view import RenderedView
-from . import camera_bridge, photo_image, plate_source, preview_images, splat_object
+from . import camera_bridge, mask_source, photo_image, plate_source, preview_images, splat_object
 from .camera_bridge import CameraCopy
 from .job import Job
 from .photo_image import PhotoSource
@@ -142,6 +142,8 @@ def gather(
     kept = preview_images.packed_pair(key)
     needed = kept is None or options.style == "MATCHES"
     renderer = SplatRenderer(splat_object.copy_splat(splat), threads=0) if needed else None
+    if options.style == "MATCHES":  # the mask is nothing to see in the others
+        source = mask_source.masked(source, mask_source.of(camera))
     return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key))
 
 

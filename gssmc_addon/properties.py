@@ -164,6 +164,12 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "photo": PointerProperty(
             name="Photo", description="The photograph taken by this camera", type=bpy.types.Image, update=_photo_picked
         ),
+        "mask": PointerProperty(
+            name="Mask",
+            description="Leaves people, sky and cars out of matching: white is used, black is not. A picture of the photo's "
+            "size, upright, from a file or painted in Blender",
+            type=bpy.types.Image,
+        ),
         **{
             name: FloatProperty(name=name, precision=6, step=0.1, description=f"Lens distortion {name} in OpenCV's model")
             for name in ("k1", "k2", "p1", "p2", "k3")
