@@ -49,7 +49,7 @@ class GSSMC_OT_add_photo(bpy.types.Operator, ImportHelper):
             photo = photo_image.read_any_photo(self.filepath)
             given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
             image = photo_image.load_image(self.filepath, photo)
-            camera = photo_camera.choose_camera(context, self.camera, image.name)
+            camera = photo_camera.choose_camera(context, self.camera, image.name, photo)
             notes = photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)
         except GssmcError as error:
             self.report({"ERROR"}, str(error))

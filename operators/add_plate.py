@@ -52,7 +52,7 @@ class GSSMC_OT_add_plate(bpy.types.Operator, ImportHelper):
             photo = plate.read(first)
             given = photo_camera.find_camera(scene, self.camera_file, photo) if self.camera_file else None
             image = plate_source.load(plate.file(first), plate.is_movie)
-            camera = photo_camera.choose_camera(context, self.camera, path.name)
+            camera = photo_camera.choose_camera(context, self.camera, path.name, photo)
             photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)
         except GssmcError as error:
             self.report({"ERROR"}, str(error))
