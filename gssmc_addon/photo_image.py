@@ -68,6 +68,15 @@ def read_any_photo(path: str) -> Photo:
         raise
 
 
+def read_linear(path: str) -> Photo:
+    """The photo in an OpenEXR file, of which nothing stays in Blender. Main thread only. Raises PhotoError."""
+    image = bpy.data.images.load(path, check_existing=False)
+    try:
+        return photo_from_linear(_light(image), path)
+    finally:
+        bpy.data.images.remove(image)
+
+
 def is_linear(path: str) -> bool:
     """Whether the file is an OpenEXR picture, which only Blender decodes; False where it cannot be read at all."""
     try:

@@ -49,7 +49,7 @@ class GSSMC_OT_add_plate(bpy.types.Operator, ImportHelper):
         scene, path = context.scene, Path(bpy.path.abspath(self.filepath))
         try:
             plate, first, last = open_plate(path)
-            photo = plate.read(first)
+            photo = plate_source.frame_source(plate, first).read()
             given = photo_camera.find_camera(scene, self.camera_file, photo) if self.camera_file else None
             image = plate_source.load(plate.file(first), plate.is_movie)
             camera = photo_camera.choose_camera(context, self.camera, path.name, photo)
