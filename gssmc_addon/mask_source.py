@@ -14,6 +14,8 @@ from . import photo_image
 from .photo_image import PhotoSource
 from .plate_source import FrameSource
 
+SINGLE = ("FILE", "GENERATED")  # sources of an image that is one picture
+
 
 @dataclass(frozen=True)
 class MaskedSource:
@@ -52,7 +54,7 @@ def source(image: bpy.types.Image) -> PhotoSource | Photo:
 
     Raises PhotoError when it is no picture.
     """
-    if image.source not in ("FILE", "GENERATED"):
+    if image.source not in SINGLE:
         raise PhotoError(f'The mask "{image.name}" is no single picture; pick one that is.')
     path = bpy.path.abspath(image.filepath, library=image.library)
     if image.source == "GENERATED" or image.is_dirty or photo_image.is_exr(image, path):
