@@ -61,7 +61,7 @@ def test_a_file_becomes_the_mask_and_stays_in_the_blend(bpy, listed, extension, 
 
 @pytest.mark.parametrize("kind", ["painted", "packed", "exr"])
 def test_a_picture_that_only_blender_has_is_taken_as_it_is(bpy, listed, extension, tmp_path, kind):
-    image = bpy.data.images.new("mask", *SIZE, float_buffer=kind == "exr")
+    image = bpy.data.images.new("mask", *SIZE, float_buffer=kind == "exr", is_data=True)
     pixels = np.ones((*SIZE[::-1], 4), np.float32)
     pixels[..., :3] = kept()[::-1, :, None]  # Blender's first row is the bottom one
     image.pixels.foreach_set(pixels.ravel())
