@@ -3,9 +3,10 @@
     .venv/bin/python benchmarks/verdict_trials.py [--out TRIALS.json] [--workers N] [--judge-again]
 
 Every held-out photo of the scans in ../shared/scenes, from near to hopeless starts, as it is and spoilt: mirrored, 40 % of it
-covered, dark, bright, blurred, filled with a repeated texture, taken from the other scan, or of a place that was cut out of
-the scan. Prints the table of verdicts against the truth. A pose is right within 1 % of the median depth and 1 deg; a photo that
-is not of the place has no right pose. --judge-again applies the verdict's rules of today to the evidence in TRIALS.json.
+covered, too dark, too bright, lit from one side, blurred, filled with a repeated texture, taken from the other scan, or of a
+place that was cut out of the scan. Prints the table of verdicts against the truth. A pose is right within 1 % of the median
+depth and 1 deg; a photo that is not of the place has no right pose. --judge-again applies the verdict's rules of today to the
+evidence in TRIALS.json.
 """
 
 from __future__ import annotations
@@ -69,11 +70,19 @@ def curve(gain: float, gamma: float) -> Callable[[Pixels, np.random.Generator], 
     return lambda image, _: np.clip(255 * gain * (image / 255.0) ** gamma, 0, 255).astype(np.uint8)
 
 
+def lit_from_one_side(image: Pixels, _: np.random.Generator) -> Pixels:
+    light = np.linspace(0.08, 1.8, image.shape[1])
+    return np.clip(image * light[:, None], 0, 255).astype(np.uint8)
+
+
 SPOILERS: dict[str, Callable[[Pixels, np.random.Generator], Pixels]] = {
     "as it is": lambda image, _: image,
     "40 % covered": covered,
     "dark": curve(0.35, 1.3),
+    "very dark": curve(0.06, 1.0),
     "bright": curve(1.6, 0.8),
+    "blown out": curve(3.0, 0.7),
+    "lit from one side": lit_from_one_side,
     "blurred": lambda image, _: cv2.GaussianBlur(image, (0, 0), 2.0 * max(image.shape) / 640),
     "mirrored": lambda image, _: np.ascontiguousarray(image[:, ::-1]),
     "repeated texture": repeated,

@@ -38,6 +38,12 @@ class Start:
             return Camera(guess, self.pose, self.file, focal_guessed=True)
         return Camera(self.intrinsics, self.pose, self.file, self.focal_guessed)
 
+    def to_dict(self) -> dict[str, Any]:
+        """The start as JSON holds it, without the keys of a lens where it has none."""
+        if self.intrinsics is not None:
+            return camera_to_dict(self.camera(self.intrinsics))
+        return {"file": self.file, "R": self.pose.R.tolist(), "t": self.pose.t.tolist()}
+
 
 def read_cameras(path: str | Path) -> list[Camera]:
     """All cameras of a file, in its order. Raises CameraError with one sentence that names the camera and the key."""

@@ -9,14 +9,22 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
-from .commands import batch, demo, evaluate, features, refine, render
+from .commands import batch, convert, demo, evaluate, features, refine, render
 from .commands.flags import OneLineParser, UsageError
 from .commands.outcome import BAD_INPUT, INTERRUPTED, Outcome
 from .console import note
 from .errors import GssmcError
 
-COMMANDS = {"render": render, "refine": refine, "batch": batch, "demo": demo, "evaluate": evaluate, "features": features}
-WITHOUT_SCENE = frozenset({"evaluate", "features"})  # a caller that saves scenes has nothing to add to them
+COMMANDS = {
+    "render": render,
+    "refine": refine,
+    "batch": batch,
+    "demo": demo,
+    "evaluate": evaluate,
+    "convert": convert,
+    "features": features,
+}
+WITHOUT_SCENE = frozenset({"evaluate", "convert", "features"})  # a caller that saves scenes has nothing to add to them
 
 
 def build_parser(

@@ -80,6 +80,14 @@ class Similarity:
         """Points of the scene (N, 3) to the splat file's coordinates."""
         return (np.asarray(points, np.float64) - self.translation) @ self.rotation / self.scale
 
+    def inverse(self) -> Similarity:
+        """From the scene to the file."""
+        return Similarity(1 / self.scale, self.rotation.T, self.to_file(np.zeros(3)))
+
+    def pose_to_scene(self, pose: Pose) -> Pose:
+        """The world-to-camera pose, among the scene's points, of a camera that has `pose` among the file's."""
+        return Pose.from_centre(pose.R @ self.rotation.T, self.to_scene(pose.centre))
+
 
 def pose_from_blender(camera_to_scene: ArrayLike, splat: Similarity) -> Pose:
     """The engine's pose, in the splat file's coordinates, of a Blender camera with the 4x4 `matrix_world` given.

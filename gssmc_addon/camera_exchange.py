@@ -13,7 +13,7 @@ import numpy as np
 from ..core import datasets
 from ..core.atomic import atomic_write
 from ..core.camera import Camera
-from ..core.camera_files import Start, camera_to_dict, read_starts
+from ..core.camera_files import Start, camera_to_dict
 from ..core.datasets import colmap, nerfstudio
 from ..core.errors import CameraError, DatasetError, GssmcError
 from ..core.lens_guess import guess_lens
@@ -39,17 +39,11 @@ def gather(path: Path, photos: Path | None) -> tuple[list[Incoming], int]:
     path = path.parent if path.name in (colmap.CAMERAS, colmap.POINTS) else path
     folder = path if path.is_dir() else path.parent
     places = [photos] if photos else [folder / place for place in PHOTO_PLACES]
-    found = [_incoming(start, places) for start in _starts(path)]
+    found = [_incoming(start, places) for start in datasets.starts(path)]
     usable = [item for item in found if item is not None]
     if not usable:
         raise CameraError(f"No camera in '{path.name}' has a lens, nor a photo to take one from; give the photos' folder.")
     return usable, len(found) - len(usable)
-
-
-def _starts(path: Path) -> list[Start]:
-    if datasets.detect(path) == "cameras":
-        return read_starts(path)
-    return [Start(frame.pose, frame.name, frame.intrinsics) for frame in datasets.read(path).frames]
 
 
 def _incoming(start: Start, places: Sequence[Path]) -> Incoming | None:

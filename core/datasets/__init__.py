@@ -6,12 +6,26 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..camera_files import Start, read_starts
 from ..errors import DatasetError
 from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
 from .names import match_names
 from .types import PosedFrame, PoseSet, Query, Split, short
 
-__all__ = ["LAYOUTS", "Layout", "PoseSet", "PosedFrame", "Query", "Split", "detect", "match_names", "queries", "read", "short"]
+__all__ = [
+    "LAYOUTS",
+    "Layout",
+    "PoseSet",
+    "PosedFrame",
+    "Query",
+    "Split",
+    "detect",
+    "match_names",
+    "queries",
+    "read",
+    "short",
+    "starts",
+]
 
 
 @dataclass(frozen=True)
@@ -43,6 +57,13 @@ def detect(path: Path) -> str | None:
 def read(path: Path, split: Split = "test") -> PoseSet:
     """The poses at `path`. `split` matters to layouts that have one. Raises DatasetError or CameraError."""
     return LAYOUTS[_known(path)].read(path, split)
+
+
+def starts(path: Path) -> list[Start]:
+    """The cameras at `path`, in any layout, as starts of refinements. Raises DatasetError or CameraError."""
+    if _known(path) == "cameras":
+        return read_starts(path)
+    return [Start(frame.pose, frame.name, frame.intrinsics) for frame in read(path).frames]
 
 
 def queries(path: Path, focal: float | None = None) -> list[Query]:

@@ -1,4 +1,4 @@
-"""COLMAP's sparse models in text form: cameras.txt, images.txt, points3D.txt.
+"""COLMAP's sparse models: in text form cameras.txt, images.txt, points3D.txt; in binary form `colmap_binary` reads them.
 
 World-to-camera, OpenCV axes, pixel centres at +0.5, the model's own unit.
 """
@@ -12,8 +12,18 @@ from pathlib import Path
 from ..atomic import atomic_write
 from ..camera import Camera, Intrinsics
 from ..errors import CameraError, DatasetError
+from . import colmap_binary
 from .pose_list import pose_columns
-from .text import data_lines, head, numbers, pose_from_columns, read_lines
+from .text import (
+    POSE_COLUMNS,
+    data_lines,
+    head,
+    numbers,
+    pose_from_columns,
+    pose_from_numbers,
+    read_lines,
+    usable_numbers,
+)
 from .types import PosedFrame, PoseSet, Split, pose_set, short
 
 IMAGES, CAMERAS, POINTS = "images.txt", "cameras.txt", "points3D.txt"
@@ -29,27 +39,52 @@ MODELS: dict[str, tuple[str, ...]] = {
     "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "0", "0", "0"),
 }
 MODEL_NAME = re.compile(r"[A-Z][A-Z0-9_]+")
+CAMERA_COLUMNS = "an id, MODEL, width, height and the model's parameters"
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
 
 
 def detect(path: Path) -> bool:
     """A model folder, a project with a sparse model in it, or an images.txt under whatever name."""
     if path.is_dir():
-        return any((path / place / name).is_file() for place in PLACES for name in (IMAGES, "images.bin"))
+        return any((path / place / name).is_file() for place in PLACES for name in (IMAGES, colmap_binary.IMAGES))
     lines = [line for line in head(path).splitlines() if line and not line.startswith("#")]
     columns = lines[0].split() if lines else []
     ids = len(columns) >= COLUMNS and columns[0].isdigit() and columns[8].isdigit()
-    return path.name == IMAGES or (ids and not columns[9].replace(".", "").isdigit())
+    return path.name in (IMAGES, colmap_binary.IMAGES) or (ids and not columns[9].replace(".", "").isdigit())
 
 
 def read(path: Path, split: Split = "test") -> PoseSet:
-    """The images of a model, with their lenses where cameras.txt tells one that `Intrinsics` holds. Raises DatasetError."""
+    """The images of a model, with their lenses where its cameras tell one that `Intrinsics` holds. Raises DatasetError.
+
+    Of a folder that has both forms the text is read.
+    """
     file = _images_file(path) if path.is_dir() else path
-    lenses = _read_cameras(file.with_name(CAMERAS))
-    frames = []
-    for where, columns, name in _image_lines(file):
-        frames.append(PosedFrame(name, pose_from_columns(columns[1:8], where), lenses.get(columns[8])))
+    frames = _read_binary(file) if file.name == colmap_binary.IMAGES else _read_text(file)
     return pose_set(path, frames, metric=False)
+
+
+def _read_text(file: Path) -> list[PosedFrame]:
+    lenses = _read_cameras(file.with_name(CAMERAS))
+    return [
+        PosedFrame(name, pose_from_columns(columns[1:8], where), lenses.get(columns[8]))
+        for where, columns, name in _image_lines(file)
+    ]
+
+
+def _read_binary(file: Path) -> list[PosedFrame]:
+    """Raises DatasetError."""
+    cameras = file.with_name(colmap_binary.CAMERAS)
+    frames, lenses = [], {}
+    try:
+        if cameras.is_file():
+            for camera in colmap_binary.read_cameras(cameras):
+                lenses[camera.camera_id] = lens_of(camera.model, list(camera.values), camera.where)
+        for image in colmap_binary.read_images(file):
+            values = usable_numbers(list(image.pose), image.where, POSE_COLUMNS)
+            frames.append(PosedFrame(image.name, pose_from_numbers(values, image.where), lenses.get(image.camera_id)))
+    except OSError as error:
+        raise DatasetError(f"'{file}' cannot be read ({error.strerror}); check the path.") from error
+    return frames
 
 
 def write_model(folder: Path, cameras: Sequence[Camera]) -> None:
@@ -73,10 +108,18 @@ def read_lens(columns: Sequence[str], where: str) -> Intrinsics | None:
     if names is None and columns and MODEL_NAME.fullmatch(columns[0]):
         return None
     if names is None or len(columns) != 3 + len(names):
-        raise DatasetError(f"{where} is no camera; it should hold an id, MODEL, width, height and the model's parameters.")
-    width, height, *values = numbers(columns[1:], where, "an id, MODEL, width, height and the model's parameters")
-    named = dict(zip(names, values, strict=True))
-    if any(value for name, value in zip(names, values, strict=True) if name == "0"):
+        raise DatasetError(f"{where} is no camera; it should hold {CAMERA_COLUMNS}.")
+    return lens_of(columns[0], numbers(columns[1:], where, CAMERA_COLUMNS), where)
+
+
+def lens_of(model: str, values: list[float], where: str) -> Intrinsics | None:
+    """The lens of a COLMAP `model` with width, height and its parameters; None as for `read_lens`. Raises DatasetError."""
+    names = MODELS.get(model)
+    if names is None:
+        return None
+    width, height, *rest = usable_numbers(values, where, CAMERA_COLUMNS)
+    named = dict(zip(names, rest, strict=True))
+    if any(value for name, value in zip(names, rest, strict=True) if name == "0"):
         return None
     fx, fy = (named.get(name, named.get("f", 0.0)) for name in ("fx", "fy"))
     k1, k2, p1, p2, k3 = (named.get(name, 0.0) for name in DISTORTION)
@@ -87,12 +130,8 @@ def read_lens(columns: Sequence[str], where: str) -> Intrinsics | None:
 
 
 def _images_file(folder: Path) -> Path:
-    for place in PLACES:
-        if (folder / place / IMAGES).is_file():
-            return folder / place / IMAGES
-    raise DatasetError(
-        f"'{folder.name}' holds a binary COLMAP model; convert it with: colmap model_converter --output_type TXT."
-    )
+    found = [folder / place / name for place in PLACES for name in (IMAGES, colmap_binary.IMAGES)]
+    return next(file for file in found if file.is_file())  # `detect` has seen one
 
 
 def _image_lines(path: Path) -> Iterator[tuple[str, list[str], str]]:

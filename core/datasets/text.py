@@ -13,6 +13,7 @@ from ..quaternion import rotation_from_quaternion
 MAX_LINE_BYTES = 1 << 24  # a COLMAP image with half a million points; more is no line of a text file
 LARGEST = 1e12  # squares of it are still exact enough to be compared
 HEAD_BYTES = 1 << 16
+POSE_COLUMNS = "qw qx qy qz tx ty tz"
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:
@@ -57,6 +58,11 @@ def numbers(columns: Sequence[str], where: str, what: str) -> list[float]:
         values = [math.nan if "_" in column else float(column) for column in columns]  # Python reads 1_0 as 10
     except ValueError:
         values = [math.nan]
+    return usable_numbers(values, where, what)
+
+
+def usable_numbers(values: list[float], where: str, what: str) -> list[float]:
+    """`values`, which must be finite and of a sane size, as `numbers` says."""
     if not all(abs(value) <= LARGEST for value in values):  # false for NaN
         raise DatasetError(f"{where} has a value that is no usable number; it should hold {what}.")
     return values
@@ -64,7 +70,11 @@ def numbers(columns: Sequence[str], where: str, what: str) -> list[float]:
 
 def pose_from_columns(columns: Sequence[str], where: str) -> Pose:
     """The world-to-camera pose written as qw qx qy qz tx ty tz. Raises DatasetError."""
-    values = numbers(columns, where, "qw qx qy qz tx ty tz")
+    return pose_from_numbers(numbers(columns, where, POSE_COLUMNS), where)
+
+
+def pose_from_numbers(values: Sequence[float], where: str) -> Pose:
+    """The world-to-camera pose of the 7 numbers qw qx qy qz tx ty tz. Raises DatasetError."""
     try:
         return Pose(rotation_from_quaternion(values[:4]), values[4:])  # type: ignore[arg-type]
     except CameraError as error:

@@ -89,9 +89,8 @@ def _pass(
     if len(corners.pixels) < MIN_CORNERS or depth <= 0:
         return None
     reference = match_corners(view, photo, pose, pose, corners, reference=True)
-    poses = candidate_poses(
-        pose, settings.candidates, settings.perturb_translation_ratio * depth, settings.perturb_rotation_deg, rng
-    )
+    sigma = settings.perturb_translation(depth)
+    poses = candidate_poses(pose, settings.candidates, sigma, settings.perturb_rotation_deg, rng)
     views = yield from _followed(renderer, photo, pose, poses, corners, settings.threads)
     views = [v for v in views if len(v) >= MIN_CORNERS]
     if len(views) < MIN_VIEWS:

@@ -153,8 +153,7 @@ class Loop:
 
     def _sigma(self, fan: Fan, median_depth: float) -> float:
         """Deviation of the candidates' centres in scene units; a fan that was widened widens a deviation in units alike."""
-        units = self.settings.perturb_translation_units
-        return fan.ratio * (units / self.settings.perturb_translation_ratio if units else median_depth)
+        return self.settings.perturb_translation(median_depth) * (fan.ratio / self.settings.perturb_translation_ratio)
 
     def _solve(
         self, query: Query, prior: Intrinsics, observations: list[Observation], pose: Pose, index: int, first: bool

@@ -45,7 +45,7 @@ class RefineSettings:
     final: Final = "auto"
     lens: Lens = "auto"
     long_side_px: int = 640
-    final_long_side_px: int = 960
+    final_long_side_px: int = 1280
     perturb_translation_ratio: float = 0.045
     perturb_translation_units: float = 0.0
     perturb_rotation_deg: float = 0.5
@@ -78,6 +78,10 @@ class RefineSettings:
     def has_final_stage(self) -> bool:
         """Whether the loop's answer is refined further; the paper's ablations end with the loop."""
         return self.final != "none" and self.multiview and self.epipolar
+
+    def perturb_translation(self, median_depth: float) -> float:
+        """Deviation of the candidates' centres in scene units, where the median rendered depth is `median_depth`."""
+        return self.perturb_translation_units or self.perturb_translation_ratio * median_depth
 
 
 def choices() -> dict[str, tuple[str, ...]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,6 +15,10 @@ from ..photo import Photo
 from .matches import BoolArray
 
 GreyImage = NDArray[np.uint8]
+
+NARROW = 96.0  # grey levels between the darkest and brightest hundredth; a photo with fewer is underexposed or hazy
+TAILS = (1.0, 99.0)  # per cent of the pixels
+STRETCHED = (16.0, 239.0)  # levels that these go to
 
 
 @dataclass(frozen=True)
@@ -38,13 +43,11 @@ class WorkingPhoto:
     def of(cls, photo: Photo, intrinsics: Intrinsics, long_side_px: int) -> WorkingPhoto:
         """`photo` and its camera scaled down to a long side of `long_side_px`."""
         work = intrinsics.with_long_side(long_side_px)
-        full = cv2.cvtColor(photo.pixels, cv2.COLOR_RGB2GRAY)
         size = (work.width, work.height)
-        raw = np.asarray(cv2.resize(full, size, interpolation=cv2.INTER_AREA) if full.shape[::-1] != size else full, np.uint8)
         mask = None
         if photo.mask is not None:
             mask = cv2.resize(photo.mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-        return cls._made(work, raw, mask)
+        return cls._made(work, exposed(photo.pixels, size, mask), mask)
 
     @classmethod
     def _made(cls, k: Intrinsics, raw: GreyImage, mask: BoolArray | None) -> WorkingPhoto:
@@ -57,6 +60,29 @@ class WorkingPhoto:
         if not (k.has_distortion or self.intrinsics.has_distortion):
             return replace(self, intrinsics=k)
         return self._made(k, self.raw, self.mask)
+
+
+def exposed(pixels: NDArray[np.uint8], size: tuple[int, int], mask: BoolArray | None) -> GreyImage:
+    """The photo `pixels` (H, W, 3) RGB as grey of `size` (width, height), its contrast stretched where it is narrow.
+
+    Detectors have absolute thresholds: of a photo at a tenth of the right exposure SIFT keeps nothing. What `mask` (the size
+    of the result) leaves out does not count; a photo without any contrast stays as it is.
+    """
+    grey = _scaled(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), size)
+    seen = mask if mask is not None and mask.any() else np.ones(grey.shape, bool)
+    low, high = np.percentile(grey[seen], TAILS)
+    if high - low >= NARROW or high <= low:
+        return np.asarray(grey, np.uint8)
+    # from the pixels anew: averaging finds levels between those that rounding left
+    fine = _scaled(cv2.cvtColor(pixels.astype(np.float32), cv2.COLOR_RGB2GRAY), size)
+    low, high = np.percentile(fine[seen], TAILS)
+    bottom, top = STRETCHED
+    fine = (fine - low) * ((top - bottom) / max(high - low, 1.0)) + (bottom + 0.5)
+    return np.asarray(np.clip(fine, 0, 255), np.uint8)
+
+
+def _scaled(image: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    return image if image.shape[1::-1] == size else np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
 
 
 def undistorted(image: GreyImage, intrinsics: Intrinsics, interpolation: int) -> GreyImage:

@@ -1,5 +1,7 @@
 """Small data sets in the layouts of the published ones, with poses worked out by hand."""
 
+import struct
+
 import cv2
 import numpy as np
 
@@ -51,3 +53,20 @@ def cambridge(root, photos=("seq2/frame00001.png", "seq2/frame00002.png")):
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(root / name), np.zeros((9, 16, 3), np.uint8))
     return root
+
+
+def binary_images(names, quaternion=QUATERNION, translation=(2.0, 3.0, -1.0), points=2):
+    """images.bin byte by byte as COLMAP's page on its output format has it, each image with camera `i + 1`."""
+    out = struct.pack("<Q", len(names))
+    for i, name in enumerate(names):
+        out += struct.pack("<i4d3di", i + 10, *quaternion, *translation, i + 1) + name.encode() + b"\0"
+        out += struct.pack("<Q", points) + struct.pack("<ddq", 1.5, 2.5, -1) * points
+    return out
+
+
+def binary_cameras(cameras):
+    """cameras.bin of (id, model id, width, height, parameters...)."""
+    out = struct.pack("<Q", len(cameras))
+    for number, model, width, height, *values in cameras:
+        out += struct.pack("<iiQQ", number, model, width, height) + struct.pack(f"<{len(values)}d", *values)
+    return out

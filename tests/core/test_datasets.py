@@ -5,7 +5,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dataset_files import CAMBRIDGE_LINE, CAMBRIDGE_TITLE, CENTRE, LINE, OPENGL, POSE, R, T, cambridge, put, same, seven_scenes
+from dataset_files import (
+    CAMBRIDGE_LINE,
+    CAMBRIDGE_TITLE,
+    CENTRE,
+    LINE,
+    OPENGL,
+    POSE,
+    R,
+    T,
+    binary_cameras,
+    binary_images,
+    cambridge,
+    put,
+    same,
+    seven_scenes,
+)
 
 from core import datasets
 from core.camera import Camera, Intrinsics, Pose
@@ -53,6 +68,29 @@ def test_colmap_folder(tmp_path, layout):
     assert poses.frames[1].intrinsics is None  # a fisheye, whose pose can be compared all the same
     for frame in poses.frames:
         same(frame.pose)
+
+
+@pytest.mark.parametrize("given", ["folder", "file"])
+def test_binary_colmap_model(tmp_path, given):
+    opencv = (2, 4, 640, 480, 500.5, 510, 321, 239.5, 0.1, -0.2, 0.001, 0.002)
+    put(
+        tmp_path / "sparse/0/cameras.bin",
+        binary_cameras([(1, 2, 640, 480, 500, 321, 239.5, 0.1), opencv, (3, 7, 8, 6, 1, 2, 3, 4, 5)]),
+    )
+    put(tmp_path / "sparse/0/images.bin", binary_images(["a b/1.png", "2.png", "c.png"]))
+    poses = datasets.read(tmp_path if given == "folder" else tmp_path / "sparse/0/images.bin")
+    assert poses.names == ["a b/1.png", "2.png", "c.png"] and not poses.metric
+    assert poses.frames[0].intrinsics == Intrinsics(640, 480, 500, 500, 321, 239.5, (0.1, 0, 0, 0, 0))
+    assert poses.frames[1].intrinsics == Intrinsics(640, 480, 500.5, 510, 321, 239.5, (0.1, -0.2, 0.001, 0.002, 0))
+    assert poses.frames[2].intrinsics is None  # FOV
+    for frame in poses.frames:
+        same(frame.pose)
+
+
+def test_text_goes_before_binary(tmp_path):
+    put(tmp_path / "images.bin", binary_images(["old.png"]))
+    one_file = put(tmp_path / "images.txt", f"1 {LINE} 1 new.png\n\n")
+    assert datasets.read(one_file.parent).names == ["new.png"]
 
 
 def test_colmap_images_under_another_name(tmp_path):

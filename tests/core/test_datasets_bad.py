@@ -4,7 +4,17 @@ import json
 import re
 
 import pytest
-from dataset_files import CAMBRIDGE_TITLE, CAMERA_TO_WORLD, LINE, OPENGL, cambridge, put, seven_scenes
+from dataset_files import (
+    CAMBRIDGE_TITLE,
+    CAMERA_TO_WORLD,
+    LINE,
+    OPENGL,
+    binary_cameras,
+    binary_images,
+    cambridge,
+    put,
+    seven_scenes,
+)
 
 from core import datasets
 from core.datasets.text import MAX_LINE_BYTES
@@ -69,9 +79,28 @@ def test_nothing_there_and_a_folder_of_something_else(tmp_path):
         datasets.queries(put(tmp_path / "p.txt", f"a.png {LINE}\n"))
 
 
-def test_a_binary_colmap_model_tells_how_to_convert_it(tmp_path):
-    put(tmp_path / "sparse/0/images.bin", b"\0" * 8)
-    with pytest.raises(DatasetError, match="model_converter --output_type TXT"):
+BINARY = {
+    "no images": (b"\0" * 8, "", "holds no poses"),
+    "empty": (b"", "", "is damaged or cut off"),
+    "a count beyond the file": (b"\xff" * 8, "", "is damaged or cut off"),
+    "points beyond the file": (binary_images(["a.png"], points=0)[:-8] + b"\xff" * 8, "", "is damaged or cut off"),
+    "a name without end": (binary_images(["a" * 9000]), "", "is damaged or cut off"),
+    "a name in no encoding": (binary_images(["a.png"]).replace(b"a.png", b"\xff.png"), "", "is damaged or cut off"),
+    "no rotation": (binary_images(["a.png"], quaternion=(0, 0, 0, 0)), "", "Image 1 of 'images.bin' cannot be used"),
+    "not a number": (binary_images(["a.png"], quaternion=(float("nan"), 0, 0, 0)), "", "no usable number"),
+    "a new model": (binary_images(["a.png"]), binary_cameras([(1, 77, 640, 480)]), "unknown model 77"),
+    "no focal length": (binary_images(["a.png"]), binary_cameras([(1, 0, 640, 480, 0, 3, 4)]), "must be positive"),
+    "camera cut off": (binary_images(["a.png"]), binary_cameras([(1, 4, 640, 480, 5)]), "is damaged or cut off"),
+}
+
+
+@pytest.mark.parametrize("case", BINARY)
+def test_bad_binary_colmap_model(tmp_path, case):
+    images, cameras, words = BINARY[case]
+    put(tmp_path / "sparse/0/images.bin", images)
+    if cameras:
+        put(tmp_path / "sparse/0/cameras.bin", cameras)
+    with pytest.raises(DatasetError, match=words):
         datasets.read(tmp_path)
 
 

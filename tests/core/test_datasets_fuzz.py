@@ -4,7 +4,18 @@ import json
 import random
 
 import pytest
-from dataset_files import CAMBRIDGE_LINE, CAMBRIDGE_TITLE, LINE, OPENGL, POSE, cambridge, put, seven_scenes
+from dataset_files import (
+    CAMBRIDGE_LINE,
+    CAMBRIDGE_TITLE,
+    LINE,
+    OPENGL,
+    POSE,
+    binary_cameras,
+    binary_images,
+    cambridge,
+    put,
+    seven_scenes,
+)
 
 from core import datasets
 from core.camera import Camera, Intrinsics
@@ -25,12 +36,16 @@ def sources(root):
         "NVM_V3\n\n2\nseq2/frame00001.jpg 9 1 0 0 0 0 0 0 0 0\nseq2/frame00002.jpg 9 1\n\n9\n",
     )
     images = put(model / "images.txt", f"# Images\n1 {LINE} 1 a.png\n1 2 -1\n2 {LINE} 1 b.png\n\n")
+    binary = root / "binary"
+    parts = [put(binary / "images.bin", binary_images(["a.png", "b.png"]))]
+    parts += [put(binary / "cameras.bin", binary_cameras([(1, 0, 8, 6, 5, 4, 3), (2, 1, 8, 6, 5, 5, 4, 3)]))]
     lenses = put(model / "cameras.txt", "1 OPENCV 8 6 5 5 4 3 0.1 0.2 0 0\n")
     return {
         "7scenes": (rooms, [rooms / "TestSplit.txt", *rooms.glob("*/*.pose.txt")]),
         "cambridge": (town, [town / "dataset_test.txt", town / "reconstruction.nvm", *town.glob("*/*.png")]),
         "cambridge list": (put(root / "d.txt", CAMBRIDGE_TITLE + f"a.png {CAMBRIDGE_LINE}\n"), [root / "d.txt"]),
         "colmap": (model, [images, lenses]),
+        "binary colmap": (binary, parts),
         "nerfstudio": (put(root / "t.json", json.dumps({"frames": [FRAME]})), [root / "t.json"]),
         "cameras": (put(root / "c.json", json.dumps({"frames": [CAMERA]})), [root / "c.json"]),
         "poses": (put(root / "p.txt", f"a.png {LINE}\nb.png {LINE} 525\n"), [root / "p.txt"]),
@@ -45,7 +60,9 @@ def damaged(data, rng):
     return bytes(out[: rng.randrange(len(out) + 1)] if rng.random() < 0.1 else out)
 
 
-@pytest.mark.parametrize("layout", ["7scenes", "cambridge", "cambridge list", "colmap", "nerfstudio", "cameras", "poses"])
+@pytest.mark.parametrize(
+    "layout", ["7scenes", "cambridge", "cambridge list", "colmap", "binary colmap", "nerfstudio", "cameras", "poses"]
+)
 def test_damage_ends_in_poses_or_in_one_sentence(tmp_path, layout):
     rng, sentences = random.Random(layout), 0
     path, files = sources(tmp_path)[layout]

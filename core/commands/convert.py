@@ -1,0 +1,87 @@
+"""`convert CAMERAS OUT`: cameras from one layout into another, and between nerfstudio's two worlds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ..atomic import atomic_write
+from ..camera import Camera
+from ..camera_files import Start
+from ..console import say
+from ..conventions import Similarity
+from ..datasets import colmap, nerfstudio, pose_list, starts
+from ..datasets.training_world import FILE, read_training_world
+from ..errors import DatasetError
+from .outcome import OK, Outcome
+
+SUFFIXES = {".json": "json", ".txt": "poses", "": "colmap"}
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    parser = commands.add_parser("convert", help="write cameras in another layout, or in the world of a nerfstudio splat")
+    parser.add_argument("cameras", type=Path, help="camera JSON, COLMAP, pose list, 7-Scenes, Cambridge, nerfstudio")
+    parser.add_argument("out", type=Path, help="file or, for COLMAP, folder to write")
+    parser.add_argument("--to", choices=list(WRITERS), help="layout of OUT (by its ending: .json, .txt = poses, none = colmap)")
+    world = parser.add_mutually_exclusive_group()
+    world.add_argument("--into-training-world", type=Path, metavar=FILE, help="from transforms.json's world to the splat's")
+    world.add_argument("--out-of-training-world", type=Path, metavar=FILE, help="from the splat's world to transforms.json's")
+    return parser
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    layout = args.to or SUFFIXES.get(args.out.suffix.lower())
+    if layout is None:
+        raise DatasetError(f"The ending of '{args.out.name}' tells no layout; say --to {', --to '.join(WRITERS)}.")
+    world = _world(args.into_training_world, args.out_of_training_world)
+    found = starts(args.cameras)
+    if world is not None:
+        found = [replace(start, pose=world.pose_to_scene(start.pose)) for start in found]
+    WRITERS[layout](args.out, found)
+    say(f"{len(found)} cameras were written to '{args.out}'.")
+    return Outcome(OK)
+
+
+def _world(into: Path | None, out_of: Path | None) -> Similarity | None:
+    if into is not None:
+        return read_training_world(into)
+    return read_training_world(out_of).inverse() if out_of is not None else None
+
+
+def _json(path: Path, found: Sequence[Start]) -> None:
+    with atomic_write(path) as file:
+        json.dump({"frames": [start.to_dict() for start in found]}, file, indent=1)
+
+
+def _poses(path: Path, found: Sequence[Start]) -> None:
+    pose_list.write(path, [(start.file, start.pose) for start in found])
+
+
+def _colmap(path: Path, found: Sequence[Start]) -> None:
+    cameras = _with_lenses(found)
+    path.mkdir(parents=True, exist_ok=True)
+    colmap.write_model(path, cameras)
+
+
+def _nerfstudio(path: Path, found: Sequence[Start]) -> None:
+    nerfstudio.write_transforms(path, _with_lenses(found))
+
+
+def _with_lenses(found: Sequence[Start]) -> list[Camera]:
+    out = []
+    for number, start in enumerate(found, 1):
+        if start.intrinsics is None:
+            raise DatasetError(f"Camera {number} has no lens, which this layout needs; write --to json or --to poses.")
+        out.append(start.camera(start.intrinsics))
+    return out
+
+
+WRITERS: dict[str, Callable[[Path, Sequence[Start]], None]] = {
+    "json": _json,
+    "poses": _poses,
+    "colmap": _colmap,
+    "nerfstudio": _nerfstudio,
+}
