@@ -30,6 +30,7 @@ HALF_TURN_X_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])
 HALF_TURN_X_SH = np.array([1.0, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1])
 NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
+VIEW_SENSOR_MM = 72.0  # of Blender's 3D viewport: CAMERA_PARAM_ZOOM_INIT_PERSP = 2 times the camera's 36 mm
 SIMILARITY_TOLERANCE = 1e-3  # Blender's matrices are float32, and users type scales by hand
 
 # Rows: where the file's x, y, z axes go in a z-up scene. Proper rotations all, so that nothing is mirrored.
@@ -212,6 +213,16 @@ def _recentred(k: Intrinsics, width: int, height: int, scale: float) -> Intrinsi
         cx=(k.cx - k.width / 2) * scale + width / 2,
         cy=(k.cy - k.height / 2) * scale + height / 2,
     )
+
+
+def focal_px_from_view(lens_mm: float, view: tuple[float, float], picture: tuple[float, float]) -> float:
+    """Focal length in pixels with which a `picture` (width, height) shows what Blender's 3D viewport shows of it.
+
+    `view`: the viewport's region in pixels; the picture lies in its middle, as large as fits whole. The viewport takes its
+    lens (mm) for a sensor of VIEW_SENSOR_MM along its longer side, twice that of a camera: 50 mm there are 25 mm on film.
+    """
+    focal = lens_mm / VIEW_SENSOR_MM * max(view)
+    return focal * max(picture[0] / view[0], picture[1] / view[1])
 
 
 def focal_px_from_35mm(focal_35mm: float, width: int, height: int) -> float:

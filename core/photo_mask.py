@@ -17,14 +17,17 @@ WHITE = 128  # of 255
 
 def find_mask(masks: Path, photo: Path) -> Path | None:
     """The mask of `photo`: `masks` itself, or in that folder the file of the photo's name, with .png behind it or another
-    picture suffix in place of its own. None when the folder has none. Raises PhotoError when `masks` does not exist.
+    picture suffix in place of its own, never the photo itself. None when the folder has none.
+
+    Raises PhotoError when `masks` does not exist.
     """
     if masks.is_file():
         return masks
     if not masks.is_dir():
         raise PhotoError(f"There is no mask or folder of masks at '{masks}'; check the path.")
     names = [photo.name + ".png", photo.name, *(photo.stem + suffix for suffix in SUFFIXES)]
-    return next((masks / name for name in names if (masks / name).is_file()), None)
+    found = (masks / name for name in names if (masks / name).is_file())
+    return next((file for file in found if not photo.exists() or not file.samefile(photo)), None)
 
 
 def masked(photo: Photo, mask: Path) -> Photo:
@@ -32,10 +35,15 @@ def masked(photo: Photo, mask: Path) -> Photo:
 
     Raises PhotoError when the mask can't be read, has another size or leaves nothing.
     """
-    picture = read_photo(mask)
+    return with_mask(photo, read_photo(mask))
+
+
+def with_mask(photo: Photo, picture: Photo) -> Photo:
+    """`masked` for a mask that is read already. Raises PhotoError when it has another size or leaves nothing."""
+    name = Path(picture.file).name
     if (picture.width, picture.height) != (photo.width, photo.height):
         raise PhotoError(
-            f"The mask '{mask.name}' has {picture.width} x {picture.height} pixels but its photo "
+            f"The mask '{name}' has {picture.width} x {picture.height} pixels but its photo "
             f"{photo.width} x {photo.height}; make it for the photo as it is seen upright."
         )
     white = picture.pixels.max(axis=2) >= WHITE
@@ -44,6 +52,6 @@ def masked(photo: Photo, mask: Path) -> Photo:
         white = cv2.resize(white.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     use = white if photo.mask is None else white & photo.mask
     if not use.any():
-        raise PhotoError(f"The mask '{mask.name}' leaves nothing of the photo; white is what is used, black what is left out.")
+        raise PhotoError(f"The mask '{name}' leaves nothing of the photo; white is what is used, black what is left out.")
     share = 100 * (1 - float(use.mean()))
-    return replace(photo, mask=use, notes=(*photo.notes, f"The mask '{mask.name}' leaves out {share:.0f} % of the photo."))
+    return replace(photo, mask=use, notes=(*photo.notes, f"The mask '{name}' leaves out {share:.0f} % of the photo."))

@@ -22,6 +22,7 @@ from ..operators import (
     remove_photo,
     report_problem,
     review,
+    set_mask,
     undistort_photo,
 )
 from . import cli, flicker, jobs, menus, panels, photo_panel, plate_panel, preferences, preview_panel, properties, viewport
@@ -37,6 +38,7 @@ _class_modules = (
     remove_photo,
     refine_all,
     review,
+    set_mask,
     preview,
     import_cameras,
     export_cameras,

@@ -28,9 +28,12 @@ def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orient
         bpy.data.objects.remove(obj)
     splat_import.add_splat(bpy.context, outcome.scene.stem, read_splats(outcome.scene), orientation)
     photos: Sequence[Path | None] = outcome.photos or (None,) * len(outcome.cameras)
+    masks: Sequence[Path | None] = outcome.masks or (None,) * len(outcome.cameras)
     verdicts = _verdicts(outcome, results)
-    for camera, photo, verdict in zip(outcome.cameras, photos, verdicts, strict=True):
-        _add_camera(camera, photo, verdict)
+    for camera, photo, mask, verdict in zip(outcome.cameras, photos, masks, verdicts, strict=True):
+        obj = _add_camera(camera, photo, verdict)
+        if mask:
+            obj.data.gssmc.mask = bpy.data.images.load(str(mask.resolve()), check_existing=True)
     try:
         _make_photos_relative(path.resolve().parent)
         bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), relative_remap=False)
@@ -55,7 +58,7 @@ def _verdicts(outcome: Outcome, results: Path | None) -> list[dict[str, Any]]:
     return [{} for _ in outcome.cameras]
 
 
-def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]) -> None:
+def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]) -> bpy.types.Object:
     """A camera object at the engine's camera, with its photo behind it where there is one that can be read."""
     scene = bpy.context.scene
     name = Path(camera.file).stem or "Camera"
@@ -76,3 +79,4 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
     if verdict:
         rounds = len(verdict["iterations"])
         properties.note_verdict(obj.data, verdict["verdict"], verdict["reasons"], rounds, verdict["seconds"])
+    return obj

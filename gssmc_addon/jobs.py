@@ -17,7 +17,7 @@ from ..core.errors import RefineError
 from ..core.features.frontend import check_choice
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
-from . import camera_bridge, camera_channels, plate_source, preferences, problem, properties, splat_object
+from . import camera_bridge, camera_channels, mask_source, plate_source, preferences, problem, properties, splat_object
 from .job import TICK_S, Job, redraw
 from .splat_renderer import SplatRenderer
 from .texts import iface_, n_, rpt_
@@ -101,7 +101,7 @@ def gather(
     check_choice(settings)
     camera_channels.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
-    source = plate_source.source_at(scene, camera, photo)
+    source = mask_source.masked(plate_source.source_at(scene, camera, photo), mask_source.of(camera))
     _check_memory(splat, photo, settings)
     inputs = RefineInputs(renderer or SplatRenderer(splat_object.copy_splat(splat)), source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs)

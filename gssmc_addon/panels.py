@@ -51,6 +51,10 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
     column.label(text="Photo")
     if camera:
         column.prop(camera.data.gssmc, "photo", text="")
+        if photo_image.camera_photo(camera):
+            row = column.row(align=True)
+            row.prop(camera.data.gssmc, "mask", text="", icon="MOD_MASK", placeholder="Mask")
+            row.operator("gssmc.set_mask", text="", icon="FILEBROWSER")
     column.operator("gssmc.add_photo", icon="IMAGE_DATA")
     if camera and photo_image.camera_photo(camera):
         column.separator()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
 
-from ..core.camera import Camera
+from ..core import conventions
+from ..core.camera import Camera, Intrinsics
 from ..core.camera_files import read_starts
 from ..core.errors import CameraError
 from ..core.lens_guess import guess_lens
@@ -17,6 +18,20 @@ from .texts import rpt_
 
 DEFAULT_LENS_MM = 35.0  # on Blender's sensor of 36 mm, as DEFAULT_FOV_DEG of core.lens_guess
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
+
+
+@dataclass(frozen=True)
+class View:
+    """A 3D viewport: its `region` (RegionView3D), lens (mm, as the viewport takes it) and size in pixels."""
+
+    region: bpy.types.RegionView3D
+    lens: float
+    size: tuple[int, int]
+
+    @property
+    def is_free(self) -> bool:
+        """Whether it looks through no camera."""
+        return self.region.view_perspective != "CAMERA"
 
 
 def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
@@ -44,26 +59,26 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
     return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
 
 
-def choose_camera(context: bpy.types.Context, mode: str, photo_name: str) -> bpy.types.Object:
+def choose_camera(context: bpy.types.Context, mode: str, photo_name: str, photo: Photo) -> bpy.types.Object:
     """The camera object a photo goes to, by `mode`: AUTO, NEW or SCENE. Raises CameraError when there is none to take."""
     current = context.scene.camera
     usable = current is not None and current.type == "CAMERA"
     if mode == "SCENE" and not usable:
         raise CameraError(rpt_("The scene has no camera to take; choose New Camera."))
-    view = _region_3d(context)
-    free = usable and photo_image.camera_photo(current) is None and (view is None or view.view_perspective == "CAMERA")
+    view = _view_here(context)
+    free = usable and photo_image.camera_photo(current) is None and (view is None or not view.is_free)
     if mode == "SCENE" or (mode == "AUTO" and free):
         return current
-    return new_camera(context, Path(photo_name).stem, view)
+    return new_camera(context, Path(photo_name).stem, view, (photo.width, photo.height))
 
 
-def new_camera(context: bpy.types.Context, name: str, view: bpy.types.RegionView3D | None) -> bpy.types.Object:
-    """A new camera at the current view, or where the scene camera stands."""
+def new_camera(context: bpy.types.Context, name: str, view: View | None, size: tuple[int, int]) -> bpy.types.Object:
+    """A new camera whose picture of `size` shows what the view shows; without a view, one where the scene camera stands."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     current = context.scene.camera
-    if view and view.view_perspective != "CAMERA":
-        camera.matrix_world = view.view_matrix.inverted()
-        camera.data.lens = context.area.spaces.active.lens
+    if view and view.is_free:
+        camera.matrix_world = view.region.view_matrix.inverted()
+        _take_lens(context.scene, camera.data, view, size)
     elif current:
         camera.matrix_world = current.matrix_world.normalized()
         if current.type == "CAMERA":
@@ -72,6 +87,13 @@ def new_camera(context: bpy.types.Context, name: str, view: bpy.types.RegionView
         camera.data.lens = DEFAULT_LENS_MM
     context.scene.collection.objects.link(camera)
     return camera
+
+
+def _take_lens(scene: bpy.types.Scene, data: bpy.types.Camera, view: View, size: tuple[int, int]) -> None:
+    """Gives the camera the lens with which a picture of `size` shows what the view shows."""
+    (width, height), ax, ay = size, scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
+    focal = conventions.focal_px_from_view(view.lens, view.size, (width * ax, height * ay))
+    camera_bridge.write_intrinsics(scene, data, Intrinsics(width, height, focal / ax, focal / ay, width / 2, height / 2))
 
 
 def fit_camera(
@@ -104,8 +126,7 @@ def fit_camera(
 
 def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo) -> str:
     if not photo.focal_35mm:
-        render = scene.render
-        data.gssmc.frame_x, data.gssmc.frame_y = render.resolution_x, render.resolution_y
+        camera_bridge.move_to_render(scene, data, photo.width, photo.height)
         return rpt_(
             "The photo tells no focal length: Refine starts from the camera's ({lens:.3g} mm) and solves for it.",
             lens=data.lens,
@@ -132,18 +153,23 @@ def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
         other.select_set(False)
     camera.select_set(True)
     context.view_layer.objects.active = camera
-    view = _region_3d(context)
+    view = _view_here(context)
     if view:
-        view.view_perspective = "CAMERA"
+        view.region.view_perspective = "CAMERA"
 
 
-def _region_3d(context: bpy.types.Context) -> bpy.types.RegionView3D | None:
-    area = context.area
-    return area.spaces.active.region_3d if area and area.type == "VIEW_3D" else None
-
-
-def find_view(context: bpy.types.Context) -> bpy.types.RegionView3D | None:
-    """The view of the viewport that the mouse is in, else of the first one of any window."""
+def find_view(context: bpy.types.Context) -> View | None:
+    """The viewport that the mouse is in, else the first one of any window."""
     areas = (area for window in context.window_manager.windows for area in window.screen.areas)
     first = next((area for area in areas if area.type == "VIEW_3D"), None)
-    return _region_3d(context) or (first.spaces.active.region_3d if first else None)
+    return _view_here(context) or (_view_of(first) if first else None)
+
+
+def _view_here(context: bpy.types.Context) -> View | None:
+    area = context.area
+    return _view_of(area) if area and area.type == "VIEW_3D" else None
+
+
+def _view_of(area: bpy.types.Area) -> View:
+    space, region = area.spaces.active, next(r for r in area.regions if r.type == "WINDOW")
+    return View(space.region_3d, space.lens, (max(1, region.width), max(1, region.height)))

@@ -16,6 +16,7 @@ from ..core.photo_linear import photo_from_linear
 from ..core.photo_size import EXR_SIGNATURE
 from .texts import rpt_
 
+FILE_KEY = "gssmc_file"
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
 
 
@@ -45,7 +46,7 @@ class PhotoSource:
 def photo_source(image: bpy.types.Image) -> PhotoSource:
     """Copies what is needed to read the image later. Raises PhotoError when it has no pixels of its own."""
     path = bpy.path.abspath(image.filepath, library=image.library)
-    if image.source == "FILE" and _is_exr(image, path):
+    if image.source == "FILE" and is_exr(image, path):
         return PhotoSource(image.name, path, light=_light(image))
     if image.packed_file:
         return PhotoSource(image.name, path, bytes(image.packed_file.data))
@@ -68,6 +69,15 @@ def read_any_photo(path: str) -> Photo:
         raise
 
 
+def read_linear(path: str) -> Photo:
+    """The photo in an OpenEXR file, of which nothing stays in Blender. Main thread only. Raises PhotoError."""
+    image = bpy.data.images.load(path, check_existing=False)
+    try:
+        return photo_from_linear(_light(image), path)
+    finally:
+        bpy.data.images.remove(image)
+
+
 def is_linear(path: str) -> bool:
     """Whether the file is an OpenEXR picture, which only Blender decodes; False where it cannot be read at all."""
     try:
@@ -77,7 +87,7 @@ def is_linear(path: str) -> bool:
         return False  # the engine says what is wrong
 
 
-def _is_exr(image: bpy.types.Image, path: str) -> bool:
+def is_exr(image: bpy.types.Image, path: str) -> bool:
     """By its first bytes: asking Blender for the format makes it decode the whole photo, and keep it."""
     return bytes(image.packed_file.data).startswith(EXR_SIGNATURE) if image.packed_file else is_linear(path)
 
@@ -104,6 +114,7 @@ def load_image(path: str, photo: Photo) -> bpy.types.Image:
         if image.users == 0:
             bpy.data.images.remove(image)
         image = packed_copy(Path(path).name, photo)
+        image[FILE_KEY] = path  # it does not know where it came from
     return image
 
 
@@ -125,6 +136,11 @@ def camera_photo(camera: bpy.types.Object) -> bpy.types.Image | None:
     if data.gssmc.photo:
         return data.gssmc.photo
     return next((b.image for b in data.background_images if b.source == "IMAGE" and b.image), None)
+
+
+def photo_file(image: bpy.types.Image) -> str:
+    """The file that a photo came from, also of a copy inside the .blend; "" when it came from none."""
+    return bpy.path.abspath(image.filepath_raw or image.get(FILE_KEY, ""))
 
 
 def show_behind(data: bpy.types.Camera, image: bpy.types.Image) -> None:

@@ -48,7 +48,7 @@ def files(scene: bpy.types.Scene) -> set[str]:
     """The files of the photos that are on the list with a camera."""
     cameras = [c for c in (camera_of(scene, entry) for entry in scene.gssmc.photos) if c]
     images = [image for image in map(photo_image.camera_photo, cameras) if image]
-    return {bpy.path.abspath(image.filepath_raw or image.get("gssmc_file", "")) for image in images}
+    return {photo_image.photo_file(image) for image in images}
 
 
 def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:

@@ -30,6 +30,8 @@ class GSSMC_UL_photos(bpy.types.UIList):
         elif camera is None:
             row.label(text="Camera deleted", icon="ERROR")
         else:
+            if camera.data.gssmc.mask:
+                row.label(text="", icon="MOD_MASK")
             verdict = camera.data.gssmc.verdict
             row.label(text="", icon=properties.VERDICT_ICONS[verdict] if verdict != "NONE" else "BLANK1")
 
@@ -54,6 +56,7 @@ class GSSMC_PT_photos(panels._Sidebar, bpy.types.Panel):
         column.operator("gssmc.remove_photo", text="", icon="REMOVE")
         column.separator()
         column.operator("gssmc.add_photo_folder", text="", icon="FILE_FOLDER")
+        column.operator("gssmc.set_masks", text="", icon="MOD_MASK")
         if own.photos:
             _draw_review(layout)
             _draw_error(layout, context)

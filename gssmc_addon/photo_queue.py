@@ -72,8 +72,7 @@ class AddPhotosJob(QueueJob):
         context, path = bpy.context, str(self.paths[index])
         given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
         image = photo_image.load_image(path, photo)
-        image["gssmc_file"] = path  # a packed copy does not know where it came from
-        camera = photo_camera.choose_camera(context, "NEW", self.paths[index].name)
+        camera = photo_camera.choose_camera(context, "NEW", self.paths[index].name, photo)
         photo_camera.fit_camera(context, camera, photo, image, given, set_resolution=False)
         photo_list.note(context.scene, camera, photo)
         if not image.is_dirty:

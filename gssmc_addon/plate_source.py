@@ -19,10 +19,11 @@ MOVING = ("SEQUENCE", "MOVIE")
 
 @dataclass(frozen=True)
 class FrameSource:
-    """One frame of a plate; read like a PhotoSource."""
+    """One frame of a plate; read like a PhotoSource. `decoded`: the frame, where only Blender decodes it (OpenEXR)."""
 
     plate: Plate
     number: int
+    decoded: Photo | None = None
 
     @property
     def name(self) -> str:
@@ -34,7 +35,7 @@ class FrameSource:
 
     def read(self) -> Photo:
         """Decodes the frame; needs no Blender. Raises PhotoError."""
-        return self.plate.read(self.number)
+        return self.plate.read(self.number) if self.decoded is None else self.decoded
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,15 @@ class MovingPhoto:
         return self.first - self.offset, self.last - self.offset
 
     def at(self, frame: int) -> FrameSource:
-        return FrameSource(self.plate, frame + self.offset)
+        """The frame of the scene's `frame`. Main thread only. Raises PhotoError when Blender has to decode it and can't."""
+        return frame_source(self.plate, frame + self.offset)
+
+
+def frame_source(plate: Plate, number: int) -> FrameSource:
+    """The plate's frame. Main thread only. Raises PhotoError when it is OpenEXR and Blender can't decode it."""
+    if plate.is_movie or not photo_image.is_linear(str(plate.file(number))):
+        return FrameSource(plate, number)
+    return FrameSource(plate, number, photo_image.read_linear(str(plate.file(number))))
 
 
 def moving_photo(camera: bpy.types.Object) -> MovingPhoto | None:

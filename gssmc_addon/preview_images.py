@@ -82,14 +82,21 @@ def _is_ours(image: bpy.types.Image | None) -> bool:
     return image is not None and MARK in image
 
 
-def set_behind(data: bpy.types.Camera, image: bpy.types.Image | None) -> None:
-    """Makes `image` the camera's preview background; None takes the preview away. The photo's own background stays."""
-    slots = [slot for slot in data.background_images if _is_ours(slot.image)]
-    data.update_tag()  # removing a background alone does not reach the viewport's copy of the camera
-    if image is None:
-        for slot in slots:
-            data.background_images.remove(slot)
+def set_behind(data: bpy.types.Camera | None, image: bpy.types.Image | None) -> None:
+    """Makes `image` the preview background of this camera, and of no other; None takes the preview away everywhere.
+
+    The photo's own background stays.
+    """
+    for camera in bpy.data.cameras:  # there is one picture, which another camera must not show as its own
+        slots = [slot for slot in camera.background_images if _is_ours(slot.image)]
+        keep = 1 if image is not None and camera == data else 0
+        for slot in slots[keep:]:
+            camera.background_images.remove(slot)
+        if len(slots) > keep:
+            camera.update_tag()  # removing a background alone does not reach the viewport's copy of the camera
+    if image is None or data is None:
         return
-    slot = slots[0] if slots else data.background_images.new()
+    slot = next((slot for slot in data.background_images if _is_ours(slot.image)), None) or data.background_images.new()
     slot.image, slot.alpha, slot.frame_method, slot.display_depth = image, 1.0, "FIT", "FRONT"
     slot.show_background_image = data.show_background_images = True
+    data.update_tag()

@@ -18,7 +18,7 @@ from ..core.photo import Photo, check_size
 from ..core.pose.settings import RefineSettings
 from ..core.render import Renderer
 from ..core.render.view import RenderedView
-from . import camera_bridge, photo_image, plate_source, preview_images, splat_object
+from . import camera_bridge, mask_source, photo_image, plate_source, preview_images, preview_options, splat_object
 from .camera_bridge import CameraCopy
 from .job import Job
 from .photo_image import PhotoSource
@@ -142,6 +142,8 @@ def gather(
     kept = preview_images.packed_pair(key)
     needed = kept is None or options.style == "MATCHES"
     renderer = SplatRenderer(splat_object.copy_splat(splat), threads=0) if needed else None
+    if options.style == "MATCHES":  # the mask is nothing to see in the others
+        source = mask_source.masked(source, mask_source.of(camera))
     return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key))
 
 
@@ -183,4 +185,7 @@ def restyle(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     kept = preview_images.packed_pair(view_key(copy, source, splat, options))
     pair = preview_images.unpack_pair(kept) if kept else None
     if pair is not None:
-        preview_images.show(preview_images.put_picture(compose(options, pair)))
+        picture = preview_images.put_picture(compose(options, pair))
+        preview_images.show(picture)
+        if self.background and self.style in preview_options.BACKGROUND:
+            preview_images.set_behind(camera.data, picture)

@@ -23,7 +23,7 @@ STYLES = (
 BACKGROUND = ("DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER")  # those of the photo's own shape, which stand still
 
 
-def annotations(update: Callable | None = None) -> dict[str, object]:
+def annotations(update: Callable | None = None, background_update: Callable | None = None) -> dict[str, object]:
     """The options as Blender properties; `update` is called when one that needs no new render is changed."""
     return {
         "style": EnumProperty(
@@ -43,7 +43,10 @@ def annotations(update: Callable | None = None) -> dict[str, object]:
             update=update,
         ),
         "background": BoolProperty(
-            name="Behind the Camera", description="Also show the picture as a background of the camera", default=False
+            name="Behind the Camera",
+            description="Also show the picture as a background of the camera",
+            default=False,
+            update=background_update,
         ),
         "long_side_px": IntProperty(
             name="Long Side (px)",

@@ -14,11 +14,20 @@ def _changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     preview_job.restyle(self, context)
 
 
+def _background_changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    from . import preview_images, preview_job
+
+    if self.background:
+        preview_job.restyle(self, context)
+    else:
+        preview_images.set_behind(None, None)
+
+
 class GssmcPreview(bpy.types.PropertyGroup):
     """The preview's options as the panel shows them, and whether the flicker runs."""
 
     __annotations__ = {
-        **preview_options.annotations(_changed),
+        **preview_options.annotations(_changed, _background_changed),
         "flicker": BoolProperty(
             name="Flicker", description="Photo and render take turns in the Image Editor", default=False, update=flicker.changed
         ),

@@ -23,7 +23,7 @@ from bpy.props import (
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.settings import RefineSettings, choices
 from ..core.presets import PRESETS
-from . import photo_entry, photo_image, preferences, preview_state, splat_object
+from . import mask_source, photo_entry, photo_image, preferences, preview_state, splat_object
 from .texts import iface_
 
 LIMITS = {
@@ -32,6 +32,12 @@ LIMITS = {
     "long_side_px": (64, 8192),
     "final_long_side_px": (64, 8192),
     "threads": (0, 256),
+}
+TITLES = {  # where the field's own name does not fit into the sidebar
+    "final_long_side_px": "Final Side (px)",
+    "perturb_translation_ratio": "Shift (ratio)",
+    "perturb_translation_units": "Shift (units)",
+    "perturb_rotation_deg": "Turn (deg)",
 }
 MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
 AUTO_ITEM = (AUTO, "Auto", "SIFT; ALIKED takes over where it finds no answer, if there is a model of it")
@@ -58,6 +64,8 @@ def _field_docs() -> dict[str, str]:
 
 def _title(name: str) -> str:
     """ "long_side_px" -> "Long Side (px)"; ratios need no unit."""
+    if name in TITLES:
+        return TITLES[name]
     words = name.removesuffix("_ratio").split("_")
     unit = f" ({words.pop()})" if words[-1] in {"px", "deg"} else ""
     return " ".join(words).title() + unit
@@ -165,7 +173,18 @@ class GssmcCamera(bpy.types.PropertyGroup):
 
     __annotations__ = {
         "photo": PointerProperty(
-            name="Photo", description="The photograph taken by this camera", type=bpy.types.Image, update=_photo_picked
+            name="Photo",
+            description="The photograph taken by this camera",
+            type=bpy.types.Image,
+            poll=lambda self, image: image.source != "VIEWER",  # Render Result and Viewer Node
+            update=_photo_picked,
+        ),
+        "mask": PointerProperty(
+            name="Mask",
+            description="Leaves people, sky and cars out of matching: white is used, black is not. A picture of the photo's "
+            "size, upright, from a file or painted in Blender",
+            type=bpy.types.Image,
+            poll=lambda self, image: image.source in mask_source.SINGLE and image != self.photo,
         ),
         **{
             name: FloatProperty(name=name, precision=6, step=0.1, description=f"Lens distortion {name} in OpenCV's model")

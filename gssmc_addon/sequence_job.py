@@ -15,7 +15,7 @@ from ..core.errors import PhotoError, RefineError
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from ..core.sequence import FramePose
-from . import camera_bridge, jobs, plate_source, splat_object
+from . import camera_bridge, jobs, mask_source, plate_source, splat_object
 from .job import QueueJob
 from .splat_renderer import SplatRenderer
 from .texts import iface_, n_, rpt_
@@ -56,6 +56,7 @@ class SequenceJob(QueueJob):
         self.reports: dict[int, RefineReport] = {}
         self.bad: dict[int, str] = {}
         self._uids = scene.session_uid, splat.session_uid, camera.session_uid
+        self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
         self._renderer = SplatRenderer(splat_object.copy_splat(splat))
 
@@ -76,7 +77,8 @@ class SequenceJob(QueueJob):
         self.detail = iface_("{number} of {count} frames", number=index + 1, count=self.count)
         near = sequence.nearest(frame, self.reports)
         start = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
-        return partial(refinement, RefineInputs(self._renderer, self._plate.at(frame), start, self.settings))
+        source = mask_source.masked(self._plate.at(frame), self._mask)
+        return partial(refinement, RefineInputs(self._renderer, source, start, self.settings))
 
     def note(self, news: RefineProgress) -> None:
         self.fraction = (self.index + news.fraction) / self.count

@@ -40,7 +40,7 @@ class AddsPicture(PlainOperator, FromFile):
         """
         given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
         image = load()
-        camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name)
+        camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name, photo)
         return camera, image, photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)
 
 

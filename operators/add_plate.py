@@ -31,7 +31,7 @@ class GSSMC_OT_add_plate(Idle, AddsPicture, bpy.types.Operator):
         context.view_layer.update()  # scripts place objects and expect that to count
         start = context.scene.frame_current
         plate, first, last = open_plate(Path(bpy.path.abspath(self.filepath)))
-        photo = plate.read(first)
+        photo = plate_source.frame_source(plate, first).read()
         load = partial(plate_source.load, plate.file(first), plate.is_movie)
         camera, image, _ = self.set_behind(context, photo, load)
         plate_source.set_frames(camera.data, image, start, first, last)

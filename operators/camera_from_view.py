@@ -10,7 +10,7 @@ from ..gssmc_addon.texts import rpt_
 
 
 class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):
-    """Put the scene's camera where the viewport looks from; without a camera, a new one. The lens stays"""
+    """Put the scene's camera where the viewport looks from; its lens stays. Without a camera, a new one with the view's lens"""
 
     bl_idname = "gssmc.camera_from_view"
     bl_label = "Camera From View"
@@ -23,21 +23,22 @@ class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):
         view = photo_camera.find_view(context)
         if view is None:
             cls.poll_message_set("There is no 3D viewport to take the view from")
-        elif view.view_perspective == "CAMERA":
+        elif not view.is_free:
             cls.poll_message_set("The view looks through the camera already; turn it first")
-        return view is not None and view.view_perspective != "CAMERA"
+        return view is not None and view.is_free
 
     def run(self, context):
         scene, view = context.scene, photo_camera.find_view(context)
         camera = scene.camera
         if self.new or camera is None or camera.type != "CAMERA":
-            camera = photo_camera.new_camera(context, "Camera", None)
+            render = scene.render
+            camera = photo_camera.new_camera(context, "Camera", view, (render.resolution_x, render.resolution_y))
             scene.camera = camera
         camera_channels.check_writable(camera)
-        camera.matrix_world = Matrix(view.view_matrix).inverted()
+        camera.matrix_world = Matrix(view.region.view_matrix).inverted()
         context.view_layer.update()
         keyed = camera_channels.write_keyframes(scene, camera)
-        view.view_perspective = "CAMERA"
+        view.region.view_perspective = "CAMERA"
         moved = rpt_('"{name}" stands where the view was.', name=camera.name)
         self.report({"INFO"}, f"{moved} {keyed}".strip())
         return {"FINISHED"}

@@ -24,9 +24,12 @@ class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene, own = context.scene, context.window_manager.gssmc.preview
+        said_background = self.properties.is_property_set("background")
         for name in preview_options.annotations():  # what is not said is as in the panel
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(own, name))
+        if not said_background and self.style not in preview_options.BACKGROUND:
+            self.background = False  # the panel does not show its switch for these
         if self.background and self.style not in preview_options.BACKGROUND:
             raise RefineError(
                 rpt_("This style cannot stand behind the camera; choose Diagonal, Wipe, Squares, Difference or Render.")

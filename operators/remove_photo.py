@@ -38,13 +38,14 @@ class GSSMC_OT_remove_photo(Idle, bpy.types.Operator):
 
 
 def _delete(camera):
-    """The camera, its data and its photo, where nothing else uses them."""
-    data, image = camera.data, photo_image.camera_photo(camera)
+    """The camera, its data, its photo and mask, where nothing else uses them."""
+    data, images = camera.data, {photo_image.camera_photo(camera), camera.data.gssmc.mask} - {None}
     bpy.data.objects.remove(camera)
     if data.users == 0:
         bpy.data.cameras.remove(data)
-    if image and image.users == 0:
-        bpy.data.images.remove(image)
+    for image in images:
+        if image.users == 0:
+            bpy.data.images.remove(image)
 
 
 classes = (GSSMC_OT_remove_photo,)

@@ -67,7 +67,8 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.poses is not None:
         tried = [camera for i, camera in enumerate(results) if "error" not in store.records[i]]
         pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
-    return Outcome(FAILED_VERDICT if verdicts["failed"] else OK, args.scene, results, tuple(photos))
+    used = tuple(Path(mask) if mask else None for mask in masks)
+    return Outcome(FAILED_VERDICT if verdicts["failed"] else OK, args.scene, results, tuple(photos), masks=used)
 
 
 def _work(

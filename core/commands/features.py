@@ -16,7 +16,8 @@ AUTO_TEXT = "SIFT; with a model of ALIKED (--model), that takes over where SIFT 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("features", help="list the local features and matchers, and which of them work here")
-    parser.add_argument("--model", type=Path, action="append", default=[], metavar="FILE", help="also say what this file is")
+    help_text = "also say what this file is; may be given more than once"
+    parser.add_argument("--model", "--matcher-model", type=Path, action="append", default=[], metavar="FILE", help=help_text)
     return parser
 
 

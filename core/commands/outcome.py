@@ -17,7 +17,7 @@ class Outcome:
 
     scene: the splat file, None for a command that needs none; cameras: the cameras drawn, or refined, in the order of the
     input; photos: their photo files, as many as cameras, or none for `render`; reports: of this run's single refinement, when
-    there was one.
+    there was one; masks: the masks' files, as many as photos, None where a photo has none.
     """
 
     exit_code: int
@@ -25,3 +25,4 @@ class Outcome:
     cameras: tuple[Camera, ...] = ()
     photos: tuple[Path, ...] = ()
     reports: tuple[RefineReport, ...] = ()
+    masks: tuple[Path | None, ...] = ()

@@ -42,8 +42,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args)
     photo = read_photo(args.photo)
-    if args.mask is not None:
-        photo = masked(photo, _mask(args.mask, args.photo))
+    mask = None if args.mask is None else _mask(args.mask, args.photo)
+    if mask is not None:
+        photo = masked(photo, mask)
     for remark in photo.notes:
         note(remark)
     camera = start_camera(pick_start(args.camera, args.photo), photo)
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> Outcome:
             file.write(text + "\n")
         say(summary(report))
     code = FAILED_VERDICT if report.verdict == "failed" else OK
-    return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,))
+    return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,), (mask,))
 
 
 def _mask(masks: Path, photo: Path) -> Path:

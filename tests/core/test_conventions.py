@@ -151,6 +151,17 @@ def test_exif_focal_length_counts_the_diagonal():
     assert conventions.focal_px_from_35mm(50.0, 6000, 4000) == pytest.approx(6000 * 50 / 36)
 
 
+# What Blender 5.2's RegionView3D.window_matrix held for a region of 1311 x 878 pixels: [0][0] and [1][1] for two lenses.
+@pytest.mark.parametrize(("lens", "m00", "m11"), [(50.0, 1.3888889, 2.0738421), (35.0, 0.9722222, 1.4516894)])
+@pytest.mark.parametrize("picture", [(1311, 878), (640, 480), (480, 640), (1920, 400)])
+def test_a_picture_shows_what_the_viewport_shows(lens, m00, m11, picture):
+    """The picture's half sides over the focal length are the tangents of the view's frustum, cut where the shapes differ."""
+    focal = conventions.focal_px_from_view(lens, (1311, 878), picture)
+    x, y = picture[0] / 2 / focal * m00, picture[1] / 2 / focal * m11  # 1 is the view's own edge
+    assert max(x, y) == pytest.approx(1.0, rel=1e-5)
+    assert x / y == pytest.approx(picture[0] / picture[1] * 878 / 1311, rel=1e-5)
+
+
 @pytest.mark.parametrize("frame", [(1920, 1080), (1080, 1920), (600, 900), (61, 90)])
 def test_a_photo_lies_whole_in_the_middle_of_the_frame(frame):
     """Its corners by hand, and back again."""

@@ -36,6 +36,13 @@ def test_a_folder_holds_masks_by_the_photos_name(tmp_path, name):
     assert find_mask(tmp_path, tmp_path / "c.jpg") is None
 
 
+def test_a_photo_is_not_its_own_mask(tmp_path):
+    picture = mask_file(tmp_path / "a.jpg")
+    assert find_mask(tmp_path, picture) is None
+    mask = mask_file(tmp_path / "a.png")
+    assert find_mask(tmp_path, picture) == mask
+
+
 def test_a_file_is_the_mask_and_nothing_is_refused(tmp_path):
     file = mask_file(tmp_path / "any.png")
     assert find_mask(file, tmp_path / "a.jpg") == file

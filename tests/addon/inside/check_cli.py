@@ -1,5 +1,6 @@
 """The command line inside Blender: the engine's own, plus `--blend`."""
 
+import argparse
 import json
 
 import numpy as np
@@ -23,6 +24,37 @@ def files(tmp_path):
         frames.append(frame | {"R": np.eye(3).tolist(), "t": [0, 0, 6.0]})
     (tmp_path / "cameras.json").write_text(json.dumps({"frames": frames}))
     return tmp_path
+
+
+def flags(parser):
+    """Each subcommand's flags with what they take."""
+    (commands,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    return {
+        name: {word: (a.dest, a.nargs, a.choices, a.type) for a in sub._actions for word in a.option_strings or (a.dest,)}
+        for name, sub in commands.choices.items()
+    }
+
+
+def test_blender_takes_all_that_the_plain_command_line_takes(main, extension, monkeypatch):
+    cli, made = extension("core.cli"), []
+    plain, build = flags(cli.build_parser()), cli.build_parser
+    monkeypatch.setattr(cli, "build_parser", lambda *args: made.append(build(*args)) or made[0])
+    assert main(["features"]) == 0
+    here = flags(made[0])
+    assert {name: {f: plain[name].get(f) for f in here[name]} for name in here} == {
+        name: dict(flags) | ({"--blend": None, "--up": None} if name not in cli.WITHOUT_SCENE else {})
+        for name, flags in plain.items()
+    }
+    assert {"--features", "--matcher", "--model", "--matcher-model", "--mask", "--lens"} <= here["batch"].keys()
+
+
+def test_the_features_asked_for_are_those_that_place_the_photo(main, files, capfd):
+    """ORB without a model works, a learned one without its model is refused, both before anything is drawn."""
+    arguments = ["refine", str(files / "scan.ply"), str(files / "a.png"), "--camera", str(files / "cameras.json")]
+    assert main([*arguments, "--features", "orb", "--matcher", "nearest", "--out", str(files / "r.json")]) == 3
+    assert main([*arguments, "--features", "aliked", "--out", str(files / "s.json")]) == 2
+    assert "model" in capfd.readouterr().err.splitlines()[-1]
+    assert not (files / "s.json").exists()
 
 
 def cameras(bpy):

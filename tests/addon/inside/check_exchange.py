@@ -163,6 +163,7 @@ def test_the_view_becomes_the_start(bpy, scene, extension):
     view = extension("gssmc_addon.photo_camera").find_view(bpy.context)
     if view is None:
         pytest.skip("this Blender has no viewport in background mode")
+    view = view.region
     view.view_perspective = "PERSP"
     assert bpy.ops.gssmc.camera_from_view() == {"FINISHED"}
     bpy.context.view_layer.update()

@@ -104,6 +104,35 @@ def test_behind_the_camera_on_request_and_away_again(bpy, place, extension):
         bpy.ops.gssmc.preview(style="MATCHES", background=True)
 
 
+def test_the_panels_switch_acts_at_once_where_the_pictures_are_kept(bpy, place, extension):
+    data = set_up(bpy, place).camera.data
+    own = bpy.context.window_manager.gssmc.preview
+    own.style, own.background = "SQUARES", True
+    assert [slot.image for slot in data.background_images] == [data.gssmc.photo]  # nothing is rendered yet
+    bpy.ops.gssmc.preview()
+    picture = find(extension, "picture")
+    assert [slot.image for slot in data.background_images] == [data.gssmc.photo, picture]
+    own.background = False
+    assert [slot.image for slot in data.background_images] == [data.gssmc.photo]
+    own.background = True
+    assert [slot.image for slot in data.background_images] == [data.gssmc.photo, picture]
+    own.style = "MATCHES"  # whose panel has no such switch
+    assert bpy.ops.gssmc.preview() == {"FINISHED"}
+    assert [slot.image for slot in data.background_images] == [data.gssmc.photo]
+
+
+def test_one_camera_at_a_time_has_the_preview_behind_it(bpy, place, extension):
+    scene = set_up(bpy, place)
+    first = scene.camera
+    bpy.ops.gssmc.preview(style="DIAGONAL", background=True)
+    file = str(place.folder / "bent")
+    bpy.ops.gssmc.add_photo(filepath=file + ".png", camera="NEW", camera_file=file + ".json")
+    bpy.ops.gssmc.preview(style="DIAGONAL", background=True)
+    behind = [[slot.image for slot in camera.data.background_images] for camera in (first, scene.camera)]
+    photos = [camera.data.gssmc.photo for camera in (first, scene.camera)]
+    assert behind == [[photos[0]], [photos[1], find(extension, "picture")]]
+
+
 def test_refusals_are_sentences_and_change_nothing(bpy, place):
     scene = set_up(bpy, place)
     camera, photo = scene.camera, scene.camera.data.gssmc.photo

@@ -160,6 +160,52 @@ def test_a_movie_clip_behind_the_camera_counts_as_blender_counts(bpy, plate, ext
     assert found.scene_range == (9, 9 + COUNT - 1)
 
 
+@pytest.fixture
+def exr_plate(bpy, plate):
+    """Three frames of the plate as a renderer writes them: linear light, half float."""
+    room, truths, _ = plate
+    folder = room.folder / "exr"
+    folder.mkdir(exist_ok=True)
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format, settings.color_mode, settings.color_depth = "OPEN_EXR", "RGB", "16"
+    for number in range(FIRST, FIRST + 3):
+        image = bpy.data.images.load(str(room.folder / "plate" / f"shot.{number:04d}.png"))
+        image.save_render(str(folder / f"shot.{number:04d}.exr"))
+        bpy.data.images.remove(image)
+    first = replace(truths[0], file=f"shot.{FIRST:04d}.exr")
+    return room.scene, folder, room.starts("start_exr.json", [first], 0.04, 1.0)
+
+
+def test_a_plate_of_open_exr_files_is_refined(bpy, plate, exr_plate, extension):
+    """Blender decodes them one at a time, and keeps none."""
+    splat, folder, start = exr_plate
+    assert (folder / f"shot.{FIRST:04d}.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"
+    bpy.ops.gssmc.import_splats(filepath=str(splat))
+    file = str(folder / f"shot.{FIRST:04d}.exr")
+    assert bpy.ops.gssmc.add_plate(filepath=file, camera="NEW", camera_file=str(start)) == {"FINISHED"}
+    scene, images = bpy.context.scene, len(bpy.data.images)
+    assert bpy.ops.gssmc.refine_sequence(step=1, smooth_frames=0, **rooms.QUICK) == {"FINISHED"}
+    assert len(bpy.data.images) == images
+    assert scene.camera.data.gssmc.bad_frames == ""
+    assert all(frames == {1, 2, 3} for frames in keyed(scene.camera, "location"))
+    off = errors(bpy, extension, scene, plate[1], (1, 2, 3))
+    assert off[:, 0].max() < 0.02
+    assert off[:, 1].max() < 0.3
+
+
+def test_a_bad_open_exr_frame_fails_alone(bpy, exr_plate):
+    splat, folder, start = exr_plate
+    whole = (folder / f"shot.{FIRST + 2:04d}.exr").read_bytes()
+    (folder / f"shot.{FIRST + 2:04d}.exr").write_bytes(whole[:200])
+    bpy.ops.gssmc.import_splats(filepath=str(splat))
+    file = str(folder / f"shot.{FIRST:04d}.exr")
+    bpy.ops.gssmc.add_plate(filepath=file, camera="NEW", camera_file=str(start))
+    assert bpy.ops.gssmc.refine_sequence(step=1, every_frame=False, **rooms.QUICK) == {"FINISHED"}
+    data = bpy.context.scene.camera.data.gssmc
+    assert data.bad_frames == "3"
+    assert "no plain picture that Blender can read" in data.reasons
+
+
 def test_one_frame_of_a_plate_can_be_previewed_and_refined(bpy, plate, extension):
     scene = set_up(bpy, plate)
     assert bpy.ops.gssmc.refine(**rooms.QUICK) == {"FINISHED"}

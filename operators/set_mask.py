@@ -1,0 +1,88 @@
+"""Set Mask, Masks From Folder: what is left out of matching, for one photo or for all on the list."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from ..core.errors import CameraError, GssmcError
+from ..core.photo_mask import find_mask
+from ..gssmc_addon import mask_source, photo_image, photo_list, plate_source
+from ..gssmc_addon.operator_parts import FromFile, PlainOperator
+from ..gssmc_addon.texts import rpt_
+
+
+class GSSMC_OT_set_mask(PlainOperator, bpy.types.Operator, FromFile):
+    """Choose a picture that leaves people, sky and cars out of matching: white is used, black is not"""
+
+    bl_idname = "gssmc.set_mask"
+    bl_label = "Set Mask"
+    bl_options = {"UNDO"}
+
+    filter_image: BoolProperty(default=True, options={"HIDDEN"})
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+    camera: StringProperty(
+        name="Camera", description="Name of the camera object; empty: the scene camera", options={"HIDDEN", "SKIP_SAVE"}
+    )
+
+    def run(self, context):
+        scene = context.scene
+        camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
+        before = set(bpy.data.images)
+        try:
+            photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
+            if photo is None:
+                raise CameraError(rpt_("There is no photo to mask; use Add Photo in the GS-SMC panel first."))
+            image = _load(self.filepath)
+            both = mask_source.MaskedSource(plate_source.source_at(scene, camera, photo), mask_source.source(image))
+            said = both.read().notes[-1]
+        except GssmcError:
+            for new in set(bpy.data.images) - before:
+                bpy.data.images.remove(new)
+            raise
+        camera.data.gssmc.mask = image
+        self.report({"INFO"}, said)
+        return {"FINISHED"}
+
+
+class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
+    """Give the photos of the list their masks from a folder: of photo.jpg it is photo.jpg.png, photo.jpg or photo.png"""
+
+    bl_idname = "gssmc.set_masks"
+    bl_label = "Masks From Folder"
+    bl_options = {"UNDO"}
+
+    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context):
+        if not any(photo_list.camera_of(context.scene, entry) for entry in context.scene.gssmc.photos):
+            cls.poll_message_set("There are no photos on the list; use Add Photos first")
+            return False
+        return True
+
+    def run(self, context):
+        """Sizes are checked when a photo is refined: reading all of them takes minutes."""
+        scene, folder = context.scene, Path(bpy.path.abspath(self.directory))
+        cameras = [c for c in (photo_list.camera_of(scene, entry) for entry in scene.gssmc.photos) if c]
+        images = [(camera, photo_image.camera_photo(camera)) for camera in cameras]
+        found = [(c, find_mask(folder, Path(photo_image.photo_file(i) or i.name))) for c, i in images if i]
+        masks = [(camera, _load(str(file))) for camera, file in found if file]
+        for camera, mask in masks:
+            camera.data.gssmc.mask = mask
+        values = {"count": len(masks), "photos": len(cameras), "folder": folder.name}
+        told = rpt_("{count} of {photos} photos have a mask in '{folder}'.", **values)
+        self.report({"INFO" if masks else "WARNING"}, told)
+        return {"FINISHED" if masks else "CANCELLED"}
+
+
+def _load(path):
+    """The mask as a Blender image. Raises CameraError when there is no such file."""
+    try:
+        return bpy.data.images.load(bpy.path.abspath(path), check_existing=True)
+    except RuntimeError:
+        raise CameraError(rpt_("There is no mask at '{path}'; check the path.", path=path)) from None
+
+
+classes = (GSSMC_OT_set_mask, GSSMC_OT_set_masks)
