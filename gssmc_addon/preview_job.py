@@ -22,6 +22,7 @@ from . import camera_bridge, photo_image, plate_source, preview_images, splat_ob
 from .camera_bridge import CameraCopy
 from .job import Job
 from .photo_image import PhotoSource
+from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
 from .worker import Steps
 
@@ -65,8 +66,8 @@ class PreviewJob(Job):
 
     status = "Rendering the preview    Esc: cancel"
 
-    def __init__(self, inputs: PreviewInputs) -> None:
-        super().__init__(partial(_steps, inputs, lambda: self.cancelled))
+    def __init__(self, inputs: PreviewInputs, copying: SplatCopying | None = None) -> None:
+        super().__init__(partial(_steps, inputs, lambda: self.cancelled), copying)
         self.inputs = inputs
 
     def note(self, news: tuple[str, float]) -> None:
@@ -141,8 +142,9 @@ def gather(
     key = view_key(copy, source, splat, options)
     kept = preview_images.packed_pair(key)
     needed = kept is None or options.style == "MATCHES"
-    renderer = SplatRenderer(splat_object.copy_splat(splat), threads=0) if needed else None
-    return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key))
+    copying = SplatCopying(splat) if needed else None
+    renderer = SplatRenderer(copying, threads=0) if copying else None
+    return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key), copying)
 
 
 def view_key(copy: CameraCopy, source: PhotoSource, splat: bpy.types.Object, options: PreviewOptions) -> str:
