@@ -14,7 +14,8 @@ from ..core.conventions import Orientation
 from ..core.errors import GssmcError, SplatFormatError
 from ..core.splats import SUFFIXES, inspect_splats
 from ..core.splats.scene import GaussianScene
-from . import cloud_size, splat_display, splat_import_job, splat_object, viewport, viewport_props
+from . import cloud_size, splat_display, splat_object, viewport, viewport_props
+from .splat_import_job import Look, ReadSplat
 
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
 AXIS_WORDS = {"Y_DOWN": "Y Down", "Y_UP": "Y Up", "Z_UP": "Z Up", "Z_DOWN": "Z Down"}
@@ -48,10 +49,11 @@ def add_splat(
     context: bpy.types.Context, name: str, scene: GaussianScene, orientation: Orientation | Literal["AUTO"]
 ) -> bpy.types.Object:
     """A new splat object, turned upright, linked, active, and picked as the scene's splat."""
-    building = Building(name, splat_import_job.prepare(scene, viewport_props.is_drawable()), Placement(orientation))
+    read = ReadSplat.of(scene)
+    building = Building(name, read, Placement(orientation))
     while not building.step():
         pass
-    return building.finish(context)
+    return building.finish(context, Look.of(read, viewport_props.is_drawable()))
 
 
 class Building:
@@ -60,11 +62,13 @@ class Building:
     Between steps Blender's data may change (undo, another file), so the point cloud is looked up anew for each.
     """
 
-    def __init__(self, name: str, prepared: splat_import_job.PreparedSplat, placement: Placement) -> None:
-        self._name, self._prepared, self._placement = name, prepared, placement
-        cloud = cloud_size.new_cloud(name, len(prepared.scene))
+    def __init__(self, name: str, read: ReadSplat, placement: Placement) -> None:
+        self._name, self._scene, self._placement = name, read.scene, placement
+        cloud = cloud_size.new_cloud(name, len(read.scene))
         self._uid = cloud.session_uid
-        self._attributes = splat_object.splat_attributes(prepared.scene, prepared.base)
+        self._attributes = splat_object.splat_attributes(read.scene, read.base)
+        for attribute, kind, _ in self._attributes:  # all at once: Blender draws every viewport anew after adding some
+            splat_object.ensure_attribute(cloud, attribute, kind)
         self._done = 0  # attributes written
 
     @property
@@ -77,14 +81,14 @@ class Building:
         self._done += 1
         return self._done == len(self._attributes)
 
-    def finish(self, context: bpy.types.Context) -> bpy.types.Object:
+    def finish(self, context: bpy.types.Context, look: Look) -> bpy.types.Object:
         """The object, placed, linked, active and picked."""
-        cloud, place, scene = self._cloud(), self._placement, self._prepared.scene
+        cloud, place, scene = self._cloud(), self._placement, self._scene
         splat_object.set_native_type(cloud)
         if not splat_object.has_native_type(cloud):
-            splat_display.dress_splat(cloud, self._prepared.radius)
-        if self._prepared.viewport:
-            viewport.prime(cloud, self._prepared.viewport)
+            splat_display.dress_splat(cloud, look.radius)
+        if look.viewport:
+            viewport.prime(cloud, look.viewport)
         obj = bpy.data.objects.new(self._name, cloud)
         axes = scene.orientation if place.orientation == "AUTO" else place.orientation
         obj.matrix_world = Matrix(conventions.orientation_matrix(axes).tolist()) @ Matrix.Scale(place.scale, 4)

@@ -43,8 +43,12 @@ def sh_bands(cloud: bpy.types.PointCloud) -> int:
     return max(k - 1 for k in SH_COEFFICIENTS if k - 1 <= present)
 
 
+def ensure_attribute(cloud: bpy.types.PointCloud, name: str, kind: str) -> bpy.types.Attribute:
+    return cloud.attributes.get(name) or cloud.attributes.new(name, kind, "POINT")
+
+
 def write_attribute(cloud: bpy.types.PointCloud, name: str, kind: str, values: np.ndarray) -> None:
-    attribute = cloud.attributes.get(name) or cloud.attributes.new(name, kind, "POINT")
+    attribute = ensure_attribute(cloud, name, kind)
     attribute.data.foreach_set(_value_name(attribute), np.ascontiguousarray(values, np.float32).ravel())
 
 

@@ -7,8 +7,8 @@ from .splat_copy import SplatCopying
 
 
 class SplatRenderer:
-    """Makes the renderer when it is first asked for, in whichever thread that is, and lets the splat's copy go then; that must be
-    complete by that time.
+    """Makes the renderer when it is first asked for, in whichever thread that is, and lets the splat's copy go. It must be
+    complete by then.
 
     `threads`: of one view, 0 = one per core. A refinement draws its views side by side and wants 1.
     """

@@ -191,10 +191,12 @@ def test_an_import_can_be_stopped(bpy, extension, tmp_path):
     job.start()
     job.join()
     with pytest.raises(extension("core.errors").Cancelled):
-        job.result()
+        job.look()
+    with pytest.raises(extension("core.errors").Cancelled):
+        job.read()
     before = counts(bpy)
-    prepared = job_module.prepare(extension("core.splats").read_splats(path), True)
-    building = importer.Building("scan", prepared, importer.Placement())
+    read = job_module.ReadSplat.of(extension("core.splats").read_splats(path))
+    building = importer.Building("scan", read, importer.Placement())
     assert not building.step()
     building.drop()
     assert counts(bpy) == before
