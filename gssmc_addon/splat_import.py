@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -17,6 +18,7 @@ from ..core.splats.scene import GaussianScene
 from . import cloud_size, splat_display, splat_object, viewport, viewport_props
 from .splat_import_job import Look, ReadSplat
 
+ADDING_S = 0.05
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
 AXIS_WORDS = {"Y_DOWN": "Y Down", "Y_UP": "Y Up", "Z_UP": "Z Up", "Z_DOWN": "Z Down"}
 
@@ -67,17 +69,25 @@ class Building:
         cloud = cloud_size.new_cloud(name, len(read.scene))
         self._uid = cloud.session_uid
         self._attributes = splat_object.splat_attributes(read.scene, read.base)
-        for attribute, kind, _ in self._attributes:  # all at once: Blender draws every viewport anew after adding some
-            splat_object.ensure_attribute(cloud, attribute, kind)
-        self._done = 0  # attributes written
+        self._made = self._done = 0  # attributes: there with any values, and written
 
     @property
     def fraction(self) -> float:
         return self._done / len(self._attributes)
 
     def step(self) -> bool:
-        """Writes one attribute, some milliseconds for a million Gaussians. Raises SplatFormatError when the data is gone."""
-        splat_object.write_attribute(self._cloud(), *self._attributes[self._done])
+        """Adds some attributes or writes one, some milliseconds for a million Gaussians; True at the end.
+
+        Raises SplatFormatError when the data is gone. After adding, Blender draws every viewport anew, which without a graphics
+        card takes longer than anything here: hence as many at a time as the window may wait for.
+        """
+        cloud, until = self._cloud(), time.perf_counter() + ADDING_S
+        if self._made < len(self._attributes):
+            while self._made < len(self._attributes) and time.perf_counter() < until:
+                splat_object.ensure_attribute(cloud, *self._attributes[self._made][:2])
+                self._made += 1
+            return False
+        splat_object.write_attribute(cloud, *self._attributes[self._done])
         self._done += 1
         return self._done == len(self._attributes)
 

@@ -67,6 +67,11 @@ class Canvas:
     def working(self) -> bool:
         return self._work is not None
 
+    @property
+    def shows(self) -> bool:
+        """True when there is a picture, be it an old one."""
+        return self._shown is not None
+
     def paint(self, painter: Painter, draw: SplatDraw, depth: Depth, budget: Budget, moving: bool) -> None:
         """Brings the picture up to date, or has that begun."""
         key = draw.key(), depth.stamp
@@ -79,6 +84,7 @@ class Canvas:
             self._work = None
         elif self._work is None or self._work.key != key:
             self._work = _Work(key, draw, depth.ground(1))
+            budget.begin()
             if draw.count <= budget.slice:  # no need to wait for another redraw
                 self.advance(painter, budget)
 

@@ -18,7 +18,7 @@ from .viewport_gpu import Painter, SplatDraw, SplatTextures, is_software, textur
 from .viewport_lod import Budget
 from .viewport_thread import BackThread
 
-TICK_S = 0.02
+TICK_S = 0.01
 SETTLED_S = 0.25  # a view that has not moved for so long is completed
 SORT_AGAIN = 1 - 1e-5  # cosine of a turn of a quarter degree
 
@@ -42,7 +42,8 @@ class _View:
     version: int = -1
 
     def rests(self) -> bool:
-        return time.perf_counter() - self.moved_at >= SETTLED_S
+        """True when it may take its time: it does not move, and shows something meanwhile."""
+        return self.canvas.shows and time.perf_counter() - self.moved_at >= SETTLED_S
 
 
 class Stage:
