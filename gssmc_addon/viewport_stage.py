@@ -19,6 +19,7 @@ from .viewport_lod import Budget
 from .viewport_thread import BackThread
 
 TICK_S = 0.01
+SEND_S = 0.03  # of a tick, for sending tables; one table may exceed it
 SETTLED_S = 0.25  # a view that has not moved for so long is completed
 SORT_AGAIN = 1 - 1e-5  # cosine of a turn of a quarter degree
 
@@ -149,7 +150,11 @@ class Stage:
     def _carry_on(self, view: _View, textures: SplatTextures | None) -> bool:
         """What can be drawn, or sent to the graphics card, without a redraw; True when a redraw has something new to show."""
         if textures is not None and not textures.complete:
-            return textures.send_next()
+            until = time.perf_counter() + SEND_S  # in one tick, if possible: Blender may draw anew between any two
+            while not textures.send_next():
+                if time.perf_counter() > until:
+                    return False
+            return True
         return self.painter is not None and self.budget is not None and view.canvas.advance(self.painter, self.budget)
 
     def _take_answers(self) -> bool:

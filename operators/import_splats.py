@@ -20,7 +20,7 @@ ORIENTATION_ITEMS = (
     ("Z_DOWN", "Z Down", "The file's z axis points down"),
 )
 TICK_S = 0.03
-STEP_S = 0.03  # of each tick, at most, for writing into Blender's memory; one attribute may exceed it
+STEP_S = 0.05  # of each tick, for writing into Blender's memory, which may take one attribute longer
 DIALOG_WIDTH = 340
 READING = 0.8  # share of the progress shown
 
