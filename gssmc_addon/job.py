@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 import bpy
 
 from ..core.errors import GssmcError, RefineError
-from .texts import n_
+from .splat_copy import SplatCopying
+from .texts import iface_, n_
 from .worker import Failure, Finished, Steps, Worker
 
 TICK_S = 0.1
+COPY_S = 0.03  # of a tick, for copying a splat; one attribute may exceed it
+SHOW_S = 0.4  # between redraws of the progress, each of which takes 0.1 s without a graphics card
 
 
 def redraw() -> None:
@@ -24,24 +28,38 @@ def redraw() -> None:
 class Job:
     """`start()` it, then `tick()` from the main thread until that gives a result.
 
-    `status` stands in the status bar, looked up there; `fraction` (0..1), `step` and `detail` are for the panel's progress bar.
+    First comes the splat's copy, where the job needs one: in the main thread, a part of it in each tick. `status` stands in
+    the status bar, looked up there; `fraction` (0..1), `step` and `detail` are for the panel's progress bar.
     """
 
     status = n_("Working    Esc: cancel")
 
-    def __init__(self, work: Callable[[], Steps] | None = None) -> None:
+    def __init__(self, work: Callable[[], Steps] | None = None, copying: SplatCopying | None = None) -> None:
         self.cancelled = False
         self.fraction, self.step, self.detail = 0.0, "Starting", ""
         self._worker = Worker(work) if work else None
+        self._copying = copying
+        self._unseen, self._shown_at = False, 0.0
 
     def start(self) -> None:
+        """Begins, with the splat's copy if there is one to be made."""
+        if self._copying:
+            self._copying.start()
+        else:
+            self.begin()
+
+    def begin(self) -> None:
+        """Starts the work itself."""
         if self._worker:
             self._worker.start()
 
     def run(self) -> Any:
         """Start to end, for callers that may block. Raises GssmcError as `tick` does."""
-        self.start()
         try:
+            if self._copying:
+                self._copying.finish()
+                self._copying = None
+            self.start()
             while True:
                 result = self.tick()
                 if result is not None:
@@ -53,6 +71,8 @@ class Job:
     def cancel(self) -> None:
         """Stops the job without waiting; its thread ends by itself at its next step."""
         self.cancelled = True
+        if self._copying:
+            self._copying.stop()
         if self._worker:
             self._worker.stop()
 
@@ -70,17 +90,45 @@ class Job:
         """The result once there is one. Raises GssmcError when the job cannot go on; its thread is told to stop then."""
         try:
             self.check()
-            for news in self._worker.news() if self._worker else ():
-                if isinstance(news, Failure):
-                    raise RefineError(news.message)
-                if isinstance(news, Finished):
-                    return news.result
-                self.note(news)
-                redraw()
+            result = self.advance() if self._copied() else None
+            self._show()
+            return result
         except GssmcError:
             self.cancel()
             raise
+
+    def advance(self) -> Any:
+        """Takes in what the thread has to tell; the result once there is one."""
+        for news in self._worker.news() if self._worker else ():
+            if isinstance(news, Failure):
+                raise RefineError(news.message)
+            if isinstance(news, Finished):
+                return news.result
+            self.note(news)
+            self.show()
         return None
+
+    def show(self) -> None:
+        """Has the progress drawn, in this tick or one soon after."""
+        self._unseen = True
+
+    def _show(self) -> None:
+        now = time.perf_counter()
+        if self._unseen and now - self._shown_at > SHOW_S:
+            self._unseen, self._shown_at = False, now
+            redraw()
+
+    def _copied(self) -> bool:
+        """Goes on with the splat's copy; True when there is nothing left to copy. Starts the work then."""
+        if self._copying is None:
+            return True
+        done = self._copying.advance(time.perf_counter() + COPY_S)
+        self.step, self.detail = "Copying the splat", iface_("{percent:.0f} %", percent=100 * self._copying.fraction)
+        self.show()
+        if done:
+            self._copying, self.detail = None, ""
+            self.begin()
+        return done
 
 
 class QueueJob(Job):
@@ -89,8 +137,8 @@ class QueueJob(Job):
     A piece is copied out of Blender when its turn comes and forgotten after, so the memory it takes does not add up.
     """
 
-    def __init__(self, count: int) -> None:
-        super().__init__()
+    def __init__(self, count: int, copying: SplatCopying | None = None) -> None:
+        super().__init__(copying=copying)
         self.count, self.index = count, -1
 
     def begin_item(self, index: int) -> Callable[[], Steps]:
@@ -108,15 +156,10 @@ class QueueJob(Job):
     def result(self) -> Any:
         raise NotImplementedError
 
-    def start(self) -> None:
+    def begin(self) -> None:
         self._next()
 
-    def tick(self) -> Any:
-        try:
-            self.check()
-        except GssmcError:
-            self.cancel()
-            raise
+    def advance(self) -> Any:
         if self._worker is None:  # the item could not even begin
             self._next()
         for news in self._worker.news() if self._worker else ():
@@ -128,7 +171,7 @@ class QueueJob(Job):
                 self._next()
             else:
                 self.note(news)
-            redraw()
+            self.show()
         return self.result() if self.index >= self.count else None
 
     def _take(self, result: Any) -> None:

@@ -100,9 +100,10 @@ class JobOperator(Idle):
         return {"CANCELLED"}
 
     def tell(self, context: bpy.types.Context, message: str, icon: str = "INFO") -> None:
-        """The line in the panel."""
-        context.window_manager.gssmc.message = message
-        context.window_manager.gssmc.message_icon = icon
+        """The line in the panel. The same again is not written, for Blender draws the whole window anew then."""
+        own = context.window_manager.gssmc
+        if (own.message, own.message_icon) != (message, icon):
+            own.message, own.message_icon = message, icon
 
 
 class AskingJobOperator(JobOperator):

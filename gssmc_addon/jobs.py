@@ -19,6 +19,7 @@ from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from . import camera_bridge, camera_channels, mask_source, plate_source, preferences, problem, properties, splat_object
 from .job import TICK_S, Job, redraw
+from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
 from .texts import iface_, n_, rpt_
 from .worker import RefineInputs, refinement
@@ -68,8 +69,8 @@ class RefineJob(Job):
 
     status = n_("Refining the camera    Esc: cancel")
 
-    def __init__(self, targets: Targets, inputs: RefineInputs) -> None:
-        super().__init__(partial(refinement, inputs))
+    def __init__(self, targets: Targets, inputs: RefineInputs, copying: SplatCopying | None = None) -> None:
+        super().__init__(partial(refinement, inputs), copying)
         self.targets = targets
         self.inputs = inputs
 
@@ -89,7 +90,7 @@ def gather(
     settings: RefineSettings,
     renderer: SplatRenderer | None = None,
 ) -> RefineJob:
-    """Copies all inputs out of Blender, the splat unless its `renderer` is there already.
+    """Copies all inputs out of Blender, but for the splat, which the job does first, unless its `renderer` is there already.
 
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
@@ -103,8 +104,9 @@ def gather(
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = mask_source.masked(plate_source.source_at(scene, camera, photo), mask_source.of(camera))
     _check_memory(splat, photo, settings)
-    inputs = RefineInputs(renderer or SplatRenderer(splat_object.copy_splat(splat)), source, copy, settings)
-    return RefineJob(Targets.of(scene, splat, camera, photo), inputs)
+    copying = None if renderer else SplatCopying(splat)
+    inputs = RefineInputs(renderer or SplatRenderer(copying), source, copy, settings)
+    return RefineJob(Targets.of(scene, splat, camera, photo), inputs, copying)
 
 
 def _check_memory(splat: bpy.types.Object, photo: bpy.types.Image, settings: RefineSettings) -> None:

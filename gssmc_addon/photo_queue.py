@@ -16,6 +16,7 @@ from ..core.pose.settings import RefineSettings
 from . import jobs, photo_camera, photo_image, photo_list, splat_object
 from .job import QueueJob
 from .photo_entry import GssmcPhoto
+from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
 from .texts import iface_, n_, rpt_
 from .worker import Steps, refinement
@@ -95,13 +96,14 @@ class RefineQueue(QueueJob):
     status = n_("Refining the photos    Esc: stop")
 
     def __init__(self, scene: bpy.types.Scene, entries: Sequence[GssmcPhoto], settings: RefineSettings) -> None:
-        super().__init__(len(entries))
+        copying = SplatCopying(scene.gssmc.splat)
+        super().__init__(len(entries), copying)
         self.settings = settings
         self.verdicts: Counter[str] = Counter()
         self.failed: list[tuple[str, str]] = []
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._cameras = [(entry.camera.session_uid, entry.camera.name) for entry in entries]
-        self._renderer = SplatRenderer(splat_object.copy_splat(scene.gssmc.splat))
+        self._renderer = SplatRenderer(copying)
         self._targets: jobs.Targets | None = None
 
     def check(self) -> None:

@@ -22,6 +22,7 @@ from . import camera_bridge, mask_source, photo_image, plate_source, preview_ima
 from .camera_bridge import CameraCopy
 from .job import Job
 from .photo_image import PhotoSource
+from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
 from .texts import n_, rpt_
 from .worker import Steps
@@ -66,8 +67,8 @@ class PreviewJob(Job):
 
     status = n_("Rendering the preview    Esc: cancel")
 
-    def __init__(self, inputs: PreviewInputs) -> None:
-        super().__init__(partial(_steps, inputs, lambda: self.cancelled))
+    def __init__(self, inputs: PreviewInputs, copying: SplatCopying | None = None) -> None:
+        super().__init__(partial(_steps, inputs, lambda: self.cancelled), copying)
         self.inputs = inputs
 
     def note(self, news: tuple[str, float]) -> None:
@@ -141,10 +142,11 @@ def gather(
     key = view_key(copy, source, splat, options)
     kept = preview_images.packed_pair(key)
     needed = kept is None or options.style == "MATCHES"
-    renderer = SplatRenderer(splat_object.copy_splat(splat), threads=0) if needed else None
+    copying = SplatCopying(splat) if needed else None
+    renderer = SplatRenderer(copying, threads=0) if copying else None
     if options.style == "MATCHES":  # the mask is nothing to see in the others
         source = mask_source.masked(source, mask_source.of(camera))
-    return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key))
+    return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key), copying)
 
 
 def view_key(copy: CameraCopy, source: PhotoSource, splat: bpy.types.Object, options: PreviewOptions) -> str:

@@ -15,8 +15,9 @@ from ..core.errors import PhotoError, RefineError
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from ..core.sequence import FramePose
-from . import camera_bridge, jobs, mask_source, plate_source, splat_object
+from . import camera_bridge, jobs, mask_source, plate_source
 from .job import QueueJob
+from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
 from .texts import iface_, n_, rpt_
 from .worker import RefineInputs, Steps, refinement
@@ -50,7 +51,8 @@ class SequenceJob(QueueJob):
             raise PhotoError(plate_source.no_plate(camera))
         splat = scene.gssmc.splat
         frames = sequence.keyframes(options.start, options.end, options.step)
-        super().__init__(len(frames))
+        copying = SplatCopying(splat)
+        super().__init__(len(frames), copying)
         self.options, self.settings, self.camera_name = options, settings, camera.name
         self.order = sequence.outward(frames, scene.frame_current)
         self.reports: dict[int, RefineReport] = {}
@@ -58,7 +60,7 @@ class SequenceJob(QueueJob):
         self._uids = scene.session_uid, splat.session_uid, camera.session_uid
         self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
-        self._renderer = SplatRenderer(splat_object.copy_splat(splat))
+        self._renderer = SplatRenderer(copying)
 
     def find(self) -> tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Object]:
         """The live scene, splat and camera. Raises RefineError when something is gone."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -14,9 +15,11 @@ from ..core.conventions import Orientation
 from ..core.errors import GssmcError, SplatFormatError
 from ..core.splats import SUFFIXES, inspect_splats
 from ..core.splats.scene import GaussianScene
-from . import cloud_size, splat_display, splat_import_job, splat_object, viewport, viewport_props
+from . import cloud_size, splat_display, splat_object, viewport, viewport_props
+from .splat_import_job import Look, ReadSplat
 from .texts import iface_, n_, rpt_
 
+ADDING_S = 0.05
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
 AXIS_WORDS = {"Y_DOWN": n_("Y Down"), "Y_UP": n_("Y Up"), "Z_UP": n_("Z Up"), "Z_DOWN": n_("Z Down")}
 
@@ -52,10 +55,11 @@ def add_splat(
     context: bpy.types.Context, name: str, scene: GaussianScene, orientation: Orientation | Literal["AUTO"]
 ) -> bpy.types.Object:
     """A new splat object, turned upright, linked, active, and picked as the scene's splat."""
-    building = Building(name, splat_import_job.prepare(scene, viewport_props.is_drawable()), Placement(orientation))
+    read = ReadSplat.of(scene)
+    building = Building(name, read, Placement(orientation))
     while not building.step():
         pass
-    return building.finish(context)
+    return building.finish(context, Look.of(read, viewport_props.is_drawable()))
 
 
 class Building:
@@ -64,31 +68,41 @@ class Building:
     Between steps Blender's data may change (undo, another file), so the point cloud is looked up anew for each.
     """
 
-    def __init__(self, name: str, prepared: splat_import_job.PreparedSplat, placement: Placement) -> None:
-        self._name, self._prepared, self._placement = name, prepared, placement
-        cloud = cloud_size.new_cloud(name, len(prepared.scene))
+    def __init__(self, name: str, read: ReadSplat, placement: Placement) -> None:
+        self._name, self._scene, self._placement = name, read.scene, placement
+        cloud = cloud_size.new_cloud(name, len(read.scene))
         self._uid = cloud.session_uid
-        self._attributes = splat_object.splat_attributes(prepared.scene, prepared.base)
-        self._done = 0  # attributes written
+        self._attributes = splat_object.splat_attributes(read.scene, read.base)
+        self._made = self._done = 0  # attributes: there with any values, and written
 
     @property
     def fraction(self) -> float:
         return self._done / len(self._attributes)
 
     def step(self) -> bool:
-        """Writes one attribute, some milliseconds for a million Gaussians. Raises SplatFormatError when the data is gone."""
-        splat_object.write_attribute(self._cloud(), *self._attributes[self._done])
+        """Adds some attributes or writes one, some milliseconds for a million Gaussians; True at the end.
+
+        Raises SplatFormatError when the data is gone. After adding, Blender draws every viewport anew, which without a graphics
+        card takes longer than anything here: hence as many at a time as the window may wait for.
+        """
+        cloud, until = self._cloud(), time.perf_counter() + ADDING_S
+        if self._made < len(self._attributes):
+            while self._made < len(self._attributes) and time.perf_counter() < until:
+                splat_object.ensure_attribute(cloud, *self._attributes[self._made][:2])
+                self._made += 1
+            return False
+        splat_object.write_attribute(cloud, *self._attributes[self._done])
         self._done += 1
         return self._done == len(self._attributes)
 
-    def finish(self, context: bpy.types.Context) -> bpy.types.Object:
+    def finish(self, context: bpy.types.Context, look: Look) -> bpy.types.Object:
         """The object, placed, linked, active and picked."""
-        cloud, place, scene = self._cloud(), self._placement, self._prepared.scene
+        cloud, place, scene = self._cloud(), self._placement, self._scene
         splat_object.set_native_type(cloud)
         if not splat_object.has_native_type(cloud):
-            splat_display.dress_splat(cloud, self._prepared.radius)
-        if self._prepared.viewport:
-            viewport.prime(cloud, self._prepared.viewport)
+            splat_display.dress_splat(cloud, look.radius)
+        if look.viewport:
+            viewport.prime(cloud, look.viewport)
         obj = bpy.data.objects.new(self._name, cloud)
         axes = scene.orientation if place.orientation == "AUTO" else place.orientation
         obj.matrix_world = Matrix(conventions.orientation_matrix(axes).tolist()) @ Matrix.Scale(place.scale, 4)

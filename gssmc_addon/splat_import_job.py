@@ -16,34 +16,47 @@ from . import splat_display, viewport_clouds
 from .texts import n_, rpt_, sentence
 
 log = logging.getLogger(__name__)
-READING = 0.7  # share of the thread's work that is reading
 
 
 @dataclass(frozen=True)
-class PreparedSplat:
-    """A scene with what its object and its display need beside it: base (N, 4), point radius (N,), the viewport's tables."""
+class ReadSplat:
+    """A scene with the attribute that is stored in another shape: base (N, 4), f_dc and opacity."""
 
     scene: GaussianScene
     base: np.ndarray
+
+    @classmethod
+    def of(cls, scene: GaussianScene) -> ReadSplat:
+        return cls(scene, np.concatenate([scene.sh[:, 0], scene.opacities[:, None]], axis=1))
+
+
+@dataclass(frozen=True)
+class Look:
+    """What only the display needs: point radius (N,), and the viewport's tables where the extension draws splats itself."""
+
     radius: np.ndarray
     viewport: viewport_clouds.Prepared | None
 
-
-def prepare(scene: GaussianScene, viewport: bool) -> PreparedSplat:
-    """`viewport`: whether this Blender has one in which the extension draws splats."""
-    base = np.concatenate([scene.sh[:, 0], scene.opacities[:, None]], axis=1)
-    tables = viewport_clouds.prepare((scene.means, scene.scales, scene.rotations, base)) if viewport else None
-    return PreparedSplat(scene, base, splat_display.point_radius(scene), tables)
+    @classmethod
+    def of(cls, read: ReadSplat, viewport: bool) -> Look:
+        """`viewport`: whether this Blender has one in which the extension draws splats."""
+        arrays = read.scene.means, read.scene.scales, read.scene.rotations, read.base
+        return cls(splat_display.point_radius(read.scene), viewport_clouds.prepare(arrays) if viewport else None)
 
 
 class ImportJob:
-    """Start it, look at `fraction`, and take `result()` once `done()`; `stop()` ends it at its next step."""
+    """Start it, look at `fraction`, take `read()` as soon as that is there, and `look()` once `done()`.
+
+    So the splat can go into Blender's memory while its look is still computed. `stop()` ends it at its next step.
+    """
 
     def __init__(self, path: Path, viewport: bool) -> None:
-        self.path, self.fraction = path, 0.0
+        self.path, self.fraction = path, 0.0  # of the reading
         self._viewport = viewport
         self._stopped = threading.Event()
-        self._result: PreparedSplat | Exception | None = None
+        self._read: ReadSplat | None = None
+        self._look: Look | None = None
+        self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="gssmc-import", daemon=True)
 
     def start(self) -> None:
@@ -58,28 +71,37 @@ class ImportJob:
     def join(self) -> None:
         self._thread.join()
 
-    def result(self) -> PreparedSplat:
-        """What was read. Raises GssmcError when the file cannot be imported."""
-        if isinstance(self._result, PreparedSplat):
-            return self._result
-        if isinstance(self._result, GssmcError):
-            raise self._result
-        if isinstance(self._result, MemoryError):
-            raise SplatFormatError(rpt_("'{file}' does not fit into memory; close other files first.", file=self.path.name))
-        raise SplatFormatError(sentence(self._result or RuntimeError()))
+    def read(self) -> ReadSplat | None:
+        """What was read, None while there is none. Raises GssmcError when the file cannot be imported."""
+        if self._error:
+            raise self._refusal(self._error)
+        return self._read
+
+    def look(self) -> Look:
+        """How it looks. Raises GssmcError when the file cannot be imported."""
+        if self._look:
+            return self._look
+        raise self._refusal(self._error or RuntimeError())
+
+    def _refusal(self, error: Exception) -> GssmcError:
+        if isinstance(error, GssmcError):
+            return error
+        if isinstance(error, MemoryError):
+            return SplatFormatError(rpt_("'{file}' does not fit into memory; close other files first.", file=self.path.name))
+        return SplatFormatError(sentence(error))
 
     def _run(self) -> None:
         try:
-            scene = read_splats(self.path, self._progress)
+            self._read = ReadSplat.of(read_splats(self.path, self._progress))
             self._progress(1.0)
-            self._result = prepare(scene, self._viewport)
+            self._look = Look.of(self._read, self._viewport)
         except (GssmcError, MemoryError) as error:
-            self._result = error
+            self._error = error
         except Exception as error:
             log.exception("The import broke off")
-            self._result = error
+            self._error = error
 
     def _progress(self, fraction: float) -> None:
         if self._stopped.is_set():
             raise Cancelled(n_("The import was cancelled; nothing was changed."))
-        self.fraction = READING * fraction
+        self.fraction = fraction

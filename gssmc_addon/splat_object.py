@@ -6,14 +6,12 @@ attribute per SH coefficient above degree 0. Positions stay in the file's coordi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import bpy
 import numpy as np
 
 from ..core.errors import RefineError, SplatFormatError
 from ..core.splats.scene import SH_COEFFICIENTS, GaussianScene
-from .texts import n_, rpt_
+from .texts import rpt_
 
 BASE = "radiance:base"
 SH_PREFIX = "radiance:sh_"
@@ -41,64 +39,12 @@ def splat_attributes(scene: GaussianScene, base: np.ndarray) -> list[tuple[str, 
     return shape + [(f"{SH_PREFIX}{k - 1}", "FLOAT_VECTOR", scene.sh[:, k]) for k in range(1, scene.sh.shape[1])]
 
 
-@dataclass(frozen=True)
-class SplatCopy:
-    """A splat object's attributes as Blender holds them, copied: means (N, 3), scales (N, 3), rotations (N, 4), base (N, 4)
-    with f_dc and opacity, and one (N, 3) array per SH coefficient above degree 0; all float32.
-    """
-
-    means: np.ndarray
-    scales: np.ndarray
-    rotations: np.ndarray
-    base: np.ndarray
-    bands: tuple[np.ndarray, ...]
-
-    def assemble(self) -> GaussianScene:
-        """The engine's scene. Needs no Blender and takes a while on large scans, hence fit for a worker thread.
-
-        Editing tools and other importers may leave NaN behind; such Gaussians are dropped, as on reading a file.
-        Raises SplatFormatError when none is left.
-        """
-        sh = np.empty((len(self.means), 1 + len(self.bands), 3), np.float32)
-        sh[:, 0] = self.base[:, :3]
-        for k, band in enumerate(self.bands):
-            sh[:, k + 1] = band
-        arrays = (self.means, self.scales, self.rotations, self.base[:, 3].copy(), sh)
-        good = np.logical_and.reduce([np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays])
-        dropped = int(len(good) - good.sum())
-        if dropped == len(good):
-            raise SplatFormatError(
-                n_("Every Gaussian of the splat object holds a value that is not finite; import the file again.")
-            )
-        kept = arrays if dropped == 0 else tuple(np.ascontiguousarray(a[good]) for a in arrays)
-        return GaussianScene(*kept, dropped=dropped, format="Blender point cloud")
-
-
-def copy_splat(obj: bpy.types.Object) -> SplatCopy:
-    """Copies a splat object out of Blender's memory. Raises SplatFormatError when it is no splat, or an empty one."""
-    if not is_splat(obj):
-        raise SplatFormatError(
-            rpt_('"{name}" holds no Gaussian splats; pick one made by File > Import > Gaussian Splats.', name=obj.name)
-        )
-    cloud = obj.data
-    if len(cloud.points) == 0:
-        raise SplatFormatError(rpt_('"{name}" has no points; import the splat file again.', name=obj.name))
-    bands = tuple(read_attribute(cloud, f"{SH_PREFIX}{k}", 3) for k in range(_sh_bands(cloud)))
-    shape = read_attribute(cloud, "position", 3), read_attribute(cloud, "scale", 3), read_attribute(cloud, "rotation", 4)
-    return SplatCopy(*shape, read_attribute(cloud, BASE, 4), bands)
-
-
 def sh_coefficients(obj: bpy.types.Object) -> int:
-    """SH coefficients per channel that `copy_splat` would give: 1, 4, 9 or 16."""
-    return 1 + _sh_bands(obj.data) if is_splat(obj) else 1
+    """SH coefficients per channel that a copy would hold: 1, 4, 9 or 16."""
+    return 1 + sh_bands(obj.data) if is_splat(obj) else 1
 
 
-def read_splat(obj: bpy.types.Object) -> GaussianScene:
-    """The Gaussians of a splat object. Raises SplatFormatError when it is no splat."""
-    return copy_splat(obj).assemble()
-
-
-def _sh_bands(cloud: bpy.types.PointCloud) -> int:
+def sh_bands(cloud: bpy.types.PointCloud) -> int:
     """How many SH coefficients above degree 0 to read: 0, 3, 8 or 15 (a native splat's degree 4 is read up to degree 3)."""
     present = 0
     while f"{SH_PREFIX}{present}" in cloud.attributes:
@@ -106,13 +52,17 @@ def _sh_bands(cloud: bpy.types.PointCloud) -> int:
     return max(k - 1 for k in SH_COEFFICIENTS if k - 1 <= present)
 
 
+def ensure_attribute(cloud: bpy.types.PointCloud, name: str, kind: str) -> bpy.types.Attribute:
+    return cloud.attributes.get(name) or cloud.attributes.new(name, kind, "POINT")
+
+
 def write_attribute(cloud: bpy.types.PointCloud, name: str, kind: str, values: np.ndarray) -> None:
-    attribute = cloud.attributes.get(name) or cloud.attributes.new(name, kind, "POINT")
+    attribute = ensure_attribute(cloud, name, kind)
     attribute.data.foreach_set(_value_name(attribute), np.ascontiguousarray(values, np.float32).ravel())
 
 
-def read_attribute(cloud: bpy.types.PointCloud, name: str, components: int) -> np.ndarray:
-    """A copy (N, components). Raises KeyError when there is no such attribute, SplatFormatError when it is of another type."""
+def check_attribute(cloud: bpy.types.PointCloud, name: str, components: int) -> bpy.types.Attribute:
+    """The attribute. Raises KeyError when there is none, SplatFormatError when it is of another type."""
     attribute = cloud.attributes[name]
     if attribute.domain != "POINT" or COMPONENTS.get(attribute.data_type) != components:
         raise SplatFormatError(
@@ -123,7 +73,13 @@ def read_attribute(cloud: bpy.types.PointCloud, name: str, components: int) -> n
                 count=components,
             )
         )
-    values = np.empty(len(cloud.points) * components, np.float32)
+    return attribute
+
+
+def read_attribute(cloud: bpy.types.PointCloud, name: str, components: int, into: np.ndarray | None = None) -> np.ndarray:
+    """A copy (N, components), in the memory of `into` (N * components,) float32 if given. Raises as `check_attribute`."""
+    attribute = check_attribute(cloud, name, components)
+    values = np.empty(len(cloud.points) * components, np.float32) if into is None else into
     attribute.data.foreach_get(_value_name(attribute), values)
     return values.reshape(-1, components)
 

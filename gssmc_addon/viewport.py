@@ -15,6 +15,7 @@ from .viewport_clouds import Prepared
 from .viewport_stage import Stage
 
 log = logging.getLogger(__name__)
+UNDRAWABLE = "Splats cannot be drawn with this graphics card; they are shown as points"
 
 
 class _Slot:
@@ -40,12 +41,16 @@ def _draw() -> None:
     try:
         drawn = _slot.stage.draw(bpy.context)
     except Exception:  # whatever a driver refuses: points instead, said once, and never a broken viewport
-        log.exception("Splats cannot be drawn with this graphics card; they are shown as points")
-        viewport_props.set_drawable(False)
-        bpy.app.timers.register(_give_up, first_interval=0.0)
+        log.exception(UNDRAWABLE)
+        _turn_into_points()
         return
     if drawn:
         _wake()
+
+
+def _turn_into_points() -> None:
+    viewport_props.set_drawable(False)
+    bpy.app.timers.register(_give_up, first_interval=0.0)
 
 
 def _give_up() -> None:
@@ -59,7 +64,14 @@ def _wake() -> None:
 
 
 def _tick() -> float | None:
-    return _slot.stage.tick() if _slot.stage else None
+    if _slot.stage is None:
+        return None
+    try:
+        return _slot.stage.tick()
+    except Exception:  # as in _draw: some of the drawing is done between redraws
+        log.exception(UNDRAWABLE)
+        _turn_into_points()
+        return None
 
 
 @bpy.app.handlers.persistent

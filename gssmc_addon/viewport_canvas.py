@@ -1,8 +1,12 @@
-"""The picture of one splat in one region: drawn at once while the view moves, in slices when it rests, then kept."""
+"""The picture of one splat in one region: drawn at once while the view moves, in slices when it rests, then kept.
+
+Slices are drawn between redraws, for a redraw draws all that Blender has to show again, and may take many times as long.
+"""
 
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import gpu
@@ -40,27 +44,49 @@ class Depth:
         return Ground((max(1, width // shrink), max(1, height // shrink)), self._texture, shrink)
 
 
+@dataclass
+class _Work:
+    """A picture in the making: what is drawn, on what, and how many Gaussians are done."""
+
+    key: Any
+    draw: SplatDraw
+    ground: Ground
+    done: int = 0
+
+
 class Canvas:
-    """`paint` is called in every redraw; True in `working` asks for another one."""
+    """`paint` is called in every redraw; while there is `working`, `advance` between them until it asks for another redraw."""
 
     def __init__(self) -> None:
-        self.working = False
         self._shown: gpu.types.GPUOffScreen | None = None
         self._shown_key: Any = None
         self._next: gpu.types.GPUOffScreen | None = None
-        self._next_key: Any = None
-        self._next_done = 0
+        self._work: _Work | None = None
+
+    @property
+    def working(self) -> bool:
+        return self._work is not None
+
+    @property
+    def shows(self) -> bool:
+        """True when there is a picture, be it an old one."""
+        return self._shown is not None
 
     def paint(self, painter: Painter, draw: SplatDraw, depth: Depth, budget: Budget, moving: bool) -> None:
-        """Brings the picture up to date, as far as one redraw may."""
+        """Brings the picture up to date, or has that begun."""
         key = draw.key(), depth.stamp
-        self.working = False
         if moving:
+            self._work = None
             if self._shown_key not in {(key, 1), (key, budget.shrink)}:
                 self._paint_at_once(painter, draw, depth.ground(budget.shrink), budget)
                 self._shown_key = key, budget.shrink
-        elif self._shown_key != (key, 1):
-            self._paint_slice(painter, draw, depth.ground(1), budget, key)
+        elif self._shown_key == (key, 1):
+            self._work = None
+        elif self._work is None or self._work.key != key:
+            self._work = _Work(key, draw, depth.ground(1))
+            budget.begin()
+            if draw.count <= budget.slice:  # no need to wait for another redraw
+                self.advance(painter, budget)
 
     def lay_over(self, painter: Painter, opacity: float) -> None:
         if self._shown:
@@ -81,24 +107,30 @@ class Canvas:
             _wait()
         budget.moved(draw.count, time.perf_counter() - start)
 
-    def _paint_slice(self, painter: Painter, draw: SplatDraw, ground: Ground, budget: Budget, key: Any) -> None:
-        """Farther Gaussians first, as blending wants them; the picture is shown when the nearest have been added."""
-        fresh = self._next_key != key
-        if fresh:
-            self._next, self._next_key, self._next_done = _sized(self._next, ground.size), key, 0
-        part = range(self._next_done, min(draw.count, self._next_done + budget.slice))
+    def advance(self, painter: Painter, budget: Budget) -> bool:
+        """Draws a slice; True when the picture is complete, and is what `lay_over` lays from here on.
+
+        Farther Gaussians first, as blending wants them.
+        """
+        work = self._work
+        if work is None:
+            return False
+        part = range(work.done, min(work.draw.count, work.done + budget.slice))
         start = time.perf_counter()
+        if work.done == 0:
+            self._next = _sized(self._next, work.ground.size)
         with self._next.bind():
-            if fresh:
+            if work.done == 0:
                 gpu.state.active_framebuffer_get().clear(color=(0.0, 0.0, 0.0, 0.0))
-            painter.draw_splats(draw, ground, part)
+            painter.draw_splats(work.draw, work.ground, part)
             _wait()
         budget.sliced(len(part), time.perf_counter() - start)
-        self._next_done = part.stop
-        self.working = part.stop < draw.count
-        if not self.working:
-            self._shown, self._next = self._next, self._shown
-            self._shown_key, self._next_key = (key, 1), None
+        work.done = part.stop
+        if work.done < work.draw.count:
+            return False
+        self._shown, self._next, self._work = self._next, self._shown, None
+        self._shown_key = work.key, 1
+        return True
 
 
 def _sized(buffer: gpu.types.GPUOffScreen | None, size: Size) -> gpu.types.GPUOffScreen:

@@ -61,16 +61,21 @@ class Clouds:
         cloud = self._clouds.setdefault(uid, _Cloud())
         return cloud.textures, cloud.version
 
-    def accept(self, uid: int, prepared: Prepared | None) -> None:
-        """Takes over what the back thread, or an import, has prepared. None: it failed; the splat is not tried again."""
+    def accept(self, uid: int, prepared: Prepared | None) -> bool:
+        """Takes over what the back thread, or an import, has prepared. None: it failed; the splat is not tried again.
+
+        True when the splat is another one now.
+        """
         cloud = self._clouds.setdefault(uid, _Cloud())
         cloud.reading = None
         if prepared is None:
-            return
+            return False
         cloud.checksum, cloud.stale = prepared.checksum, False
-        if prepared.tables is not None:
-            cloud.textures = SplatTextures(prepared.tables)
-            cloud.version = next(self._versions)
+        if prepared.tables is None:
+            return False
+        cloud.textures = SplatTextures(prepared.tables)
+        cloud.version = next(self._versions)
+        return True
 
     def mark_stale(self, uid: int) -> None:
         cloud = self._clouds.get(uid)

@@ -1,13 +1,13 @@
 """How much one redraw may draw, by how long drawing takes on this machine.
 
 While the view moves a sample of the Gaussians is drawn at once, on slow machines with fewer pixels. When it rests, all are
-drawn, in slices over as many redraws as that takes, so that the window is never held up for long.
+drawn, in as many slices as that takes, so that the window is never held up for long.
 """
 
 from __future__ import annotations
 
 MOVING_S = 0.04  # aimed at for the splats of a redraw while the view moves
-SLICE_S = 0.06  # and for a slice of the resting picture
+SLICE_S = 0.03  # and for a slice of the resting picture; the nearest Gaussians, drawn last, may take several times as long
 FEWEST = 10_000
 SMALLEST_SLICE = 1_000
 LARGEST = 100_000_000
@@ -22,7 +22,11 @@ class Budget:
 
     def __init__(self, software: bool) -> None:
         self.moving, self.shrink = MOVING[software]
-        self.slice = SLICE[software]
+        self.slice = self._first_slice = SLICE[software]
+
+    def begin(self) -> None:
+        """Another view is drawn in slices, in which Gaussians may look larger than in the last one."""
+        self.slice = min(self.slice, self._first_slice)
 
     def moved(self, drawn: int, seconds: float) -> None:
         """A moving picture of `drawn` Gaussians took `seconds`."""

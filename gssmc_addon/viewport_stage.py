@@ -18,8 +18,8 @@ from .viewport_gpu import Painter, SplatDraw, SplatTextures, is_software, textur
 from .viewport_lod import Budget
 from .viewport_thread import BackThread
 
-TICK_S = 0.02
-SEND_S = 0.02  # of a redraw, for tables; one table may exceed it
+TICK_S = 0.01
+SEND_S = 0.03  # of a tick, for sending tables; one table may exceed it
 SETTLED_S = 0.25  # a view that has not moved for so long is completed
 SORT_AGAIN = 1 - 1e-5  # cosine of a turn of a quarter degree
 
@@ -43,7 +43,8 @@ class _View:
     version: int = -1
 
     def rests(self) -> bool:
-        return time.perf_counter() - self.moved_at >= SETTLED_S
+        """True when it may take its time: it does not move, and shows something meanwhile."""
+        return self.canvas.shows and time.perf_counter() - self.moved_at >= SETTLED_S
 
 
 class Stage:
@@ -90,8 +91,8 @@ class Stage:
             view.seen, view.moved_at = seen, time.perf_counter()
         if version != view.version:  # other Gaussians: their order is unknown
             view.version, view.order, view.indices = version, None, None
-        self._plan(context, obj, view, textures)  # the order is found while tables are sent
-        if not _sent(textures):
+        self._plan(context, obj, view, textures)  # the order is found while tables are sent, between redraws
+        if not textures.complete:
             return
         if view.indices is not None:
             if len(view.indices) > view.count:  # it began to move: the sample, in the order known
@@ -131,30 +132,43 @@ class Stage:
         for key in [key for key in self._views if key[0] not in regions]:
             self._views.pop(key).canvas.free()
             self._depths.pop(key[0], None)
+        drawn = False  # one slice or table for all views, so that no tick takes long
         for uid, view in [(key[1], view) for key, view in self._views.items() if view.live]:
             textures, _ = self.clouds.get(uid)
-            sending = textures is not None and not textures.complete
-            completing = view.rests() and view.count < view.limit
-            changed = changed or sending or completing or view.canvas.working
-            if view.rests() and not view.rested:  # the picture that was good enough to move
+            working = view.canvas.working or (textures is not None and not textures.complete)
+            if working and not drawn:
+                changed, drawn = self._carry_on(view, textures) or changed, True
+            if view.rests() and (view.count < view.limit or not view.rested):  # the picture that was good enough to move
                 changed = True
             view.rested = view.rests()
-            busy = busy or not view.rested
+            busy = busy or working or not view.rested
         if changed:
             for region in regions.values():
                 region.tag_redraw()
         return TICK_S if changed or busy or not self.thread.idle() else None
 
+    def _carry_on(self, view: _View, textures: SplatTextures | None) -> bool:
+        """What can be drawn, or sent to the graphics card, without a redraw; True when a redraw has something new to show."""
+        if textures is not None and not textures.complete:
+            until = time.perf_counter() + SEND_S  # in one tick, if possible: Blender may draw anew between any two
+            while not textures.send_next():
+                if time.perf_counter() > until:
+                    return False
+            return True
+        return self.painter is not None and self.budget is not None and view.canvas.advance(self.painter, self.budget)
+
     def _take_answers(self) -> bool:
-        found = self.thread.answers()
-        for key, result in found:
+        """True when a redraw has something new to show of them."""
+        news = False
+        for key, result in self.thread.answers():
             if key[0] == "cloud":
-                self.clouds.accept(key[1], result)
+                news = self.clouds.accept(key[1], result) or news
                 continue
-            view = self._views.get(key[1:])
+            view, (textures, _) = self._views.get(key[1:]), self.clouds.get(key[2])
             if view and result and result[0] == view.version:
                 view.indices, view.sent = result[1], False
-        return bool(found)
+                news = news or (textures is not None and textures.complete)  # else the last table asks for the redraw
+        return news
 
     def clear(self) -> None:
         """Forgets every splat and frees what is on the graphics card."""
@@ -164,15 +178,6 @@ class Stage:
         self._views.clear()
         self._depths.clear()
         self.clouds.clear()
-
-
-def _sent(textures: SplatTextures) -> bool:
-    """Sends tables for as long as one redraw may; True when all are on the graphics card."""
-    until = time.perf_counter() + SEND_S
-    while not textures.send_next():
-        if time.perf_counter() > until:
-            return False
-    return True
 
 
 def _shown(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -79,8 +79,9 @@ class Worker:
         self._stop.set()
 
     def join(self, timeout_s: float) -> bool:
-        """Waits for the thread; True when it has ended."""
-        self._thread.join(timeout_s)
+        """Waits for the thread; True when it has ended, or never began."""
+        if self._thread.ident is not None:
+            self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
     def news(self) -> list[Any]:

@@ -22,7 +22,7 @@ ORIENTATION_ITEMS = (
     ("Z_DOWN", "Z Down", "The file's z axis points down"),
 )
 TICK_S = 0.03
-STEP_S = 0.03  # of each tick, at most, for writing into Blender's memory; one attribute may exceed it
+STEP_S = 0.05  # of each tick, for writing into Blender's memory, which may take one attribute longer
 DIALOG_WIDTH = 340
 READING = 0.8  # share of the progress shown
 
@@ -94,10 +94,13 @@ class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
             manager = context.window_manager
             self._timer = manager.event_timer_add(TICK_S, window=context.window)
             manager.progress_begin(0, 100)
+            if context.workspace:
+                context.workspace.status_text_set(iface_("Importing {file}    Esc: cancel", file=self._job.path.name))
             manager.modal_handler_add(self)
             return {"RUNNING_MODAL"}
         self._job.join()
-        self._begin_building()
+        self._job.look()  # a failure comes before anything is made
+        self._begin_building(self._job.read())
         while not self._building.step():
             pass
         return self._finish(context)
@@ -123,31 +126,34 @@ class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
         self._job.stop()
         if self._building:
             self._building.drop()
+        self._building = self._scene = None  # as at the end
         self._end(context)
 
     def _advance(self, context):
-        """True when all of the file is in Blender's memory."""
+        """True when all of the file is in Blender's memory, and its look is known."""
         until = time.perf_counter() + STEP_S
         if self._building is None:
-            if not self._job.done():
+            read = self._job.read()
+            if read is None:
                 self._say(context, READING * self._job.fraction)
                 return False
-            self._begin_building()
-        while not self._building.step():
+            self._begin_building(read)
+            return False  # Blender draws anew
+        while not self._complete:
+            self._complete = self._building.step()
+            self._say(context, READING + (1 - READING) * self._building.fraction)
             if time.perf_counter() > until:
-                self._say(context, READING + (1 - READING) * self._building.fraction)
                 return False
-        return True
+        return self._job.done()
 
-    def _begin_building(self):
-        prepared = self._job.result()
+    def _begin_building(self, read):
         placement = splat_import.Placement(self.orientation, self.scale, self.max_shown)
-        self._scene = prepared.scene
-        self._building = splat_import.Building(self._job.path.stem, prepared, placement)
+        self._scene, self._complete = read.scene, False
+        self._building = splat_import.Building(self._job.path.stem, read, placement)
 
     def _finish(self, context):
-        obj, scene = self._building.finish(context), self._scene
-        self._building = self._scene = None  # the operator outlives its work in Blender's history
+        obj, scene = self._building.finish(context, self._job.look()), self._scene
+        self._building = self._scene = self._job = None  # the operator outlives its work in Blender's history
         if self.show_colours and not (viewport_props.is_drawable() or splat_object.has_native_type(obj.data)):
             splat_display.show_colours(context)
         values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
@@ -158,13 +164,14 @@ class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
     def _say(self, context, fraction):
+        """At the mouse: without a graphics card, each redraw of the status bar holds the window up for 0.1 s."""
         context.window_manager.progress_update(100 * fraction)
-        if context.workspace:
-            values = {"file": self._job.path.name, "percent": 100 * fraction}
-            context.workspace.status_text_set(iface_("Importing {file}: {percent:.0f} %    Esc: cancel", **values))
 
     def _end(self, context):
+        if self._timer is None:
+            return
         context.window_manager.event_timer_remove(self._timer)
+        self._timer = None
         context.window_manager.progress_end()
         if context.workspace:
             context.workspace.status_text_set(None)

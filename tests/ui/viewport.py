@@ -49,8 +49,16 @@ def live():
 
 def complete():
     """Every Gaussian has been drawn in the view as it is."""
-    found = live()
-    return bool(found) and all(v.rested and v.count == v.limit and (v.canvas._shown_key or (0, 0))[1] == 1 for v in found)
+    found = [(uid, view) for (_, uid), view in stage()._views.items() if view.live]
+    return bool(found) and all(is_complete(uid, view) for uid, view in found)
+
+
+def is_complete(uid, view):
+    textures, version = stage().clouds.get(uid)
+    if textures is None or view.version != version or not (view.rested and view.count == view.limit and view.canvas.shows):
+        return False
+    ((stamp, count, _, _), _), shrink = view.canvas._shown_key
+    return (stamp, count, shrink) == ((version, view.stamp), view.limit, 1)
 
 
 def imported_by_the_dialog():

@@ -40,7 +40,7 @@ def test_layout_of_native_splats(bpy, tmp_path, degree):
 
 
 def test_complete_after_saving_and_opening(bpy, extension, tmp_path, splat_file):
-    read = extension("gssmc_addon.splat_object").read_splat
+    read = extension("gssmc_addon.splat_copy").read_splat
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))
     before = read(bpy.context.scene.gssmc.splat)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scan.blend"))
@@ -55,7 +55,7 @@ def test_the_object_holds_what_the_reader_read(bpy, extension, splat_file):
     from core.splats import read_splats
 
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))
-    got = extension("gssmc_addon.splat_object").read_splat(bpy.context.scene.gssmc.splat)
+    got = extension("gssmc_addon.splat_copy").read_splat(bpy.context.scene.gssmc.splat)
     wanted = read_splats(splat_file)
     for name in ("means", "scales", "rotations", "opacities", "sh"):
         np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
@@ -150,7 +150,7 @@ def foreign_splat(bpy, extension, bands=0, base_type="FLOAT_COLOR"):
 def test_a_splat_of_another_importer_can_be_picked(bpy, extension, bands, degree, base_type):
     obj, values = foreign_splat(bpy, extension, bands, base_type)
     bpy.context.scene.gssmc.splat = obj
-    scene = extension("gssmc_addon.splat_object").read_splat(bpy.context.scene.gssmc.splat)
+    scene = extension("gssmc_addon.splat_copy").read_splat(bpy.context.scene.gssmc.splat)
     assert scene.sh_degree == degree
     np.testing.assert_array_equal(scene.means, values["position"])
     np.testing.assert_array_equal(scene.opacities, values["radiance:base"][:, 3])
@@ -166,7 +166,7 @@ def test_what_is_no_splat_is_told_apart(bpy, extension):
     splat, _ = foreign_splat(bpy, extension)
     assert [splat_object.is_splat(o) for o in (plain, mesh, None, splat)] == [False, False, False, True]
     with pytest.raises(extension("core.errors").SplatFormatError, match="plain"):
-        splat_object.read_splat(plain)
+        extension("gssmc_addon.splat_copy").read_splat(plain)
 
 
 def packed_file(folder, kind):
@@ -202,7 +202,7 @@ def test_packed_formats_come_in_upright_by_their_convention(bpy, extension, tmp_
     obj = bpy.context.scene.gssmc.splat
     bpy.context.view_layer.update()
     assert (obj.matrix_world @ Vector(up) - Vector((0, 0, 1))).length < 1e-6
-    got, wanted = extension("gssmc_addon.splat_object").read_splat(obj), read_splats(path)
+    got, wanted = extension("gssmc_addon.splat_copy").read_splat(obj), read_splats(path)
     for name in ("means", "scales", "rotations", "opacities", "sh"):
         np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
 

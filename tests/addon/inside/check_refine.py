@@ -214,3 +214,90 @@ def test_opening_a_file_ends_the_job(bpy, scene, extension, tmp_path):
     assert jobs.active() is None
     assert bpy.ops.gssmc.refine() == {"CANCELLED"}
     assert bpy.context.scene.camera.data.gssmc.verdict == "FAILED"
+
+
+# ---- the splat's copy, made in steps beside the user's own work
+
+
+@pytest.fixture
+def copying(scene, extension):
+    """A copy that has begun, of a splat with a value that is not finite, as editing tools leave it."""
+    scene.gssmc.splat.data.attributes["scale"].data[3].vector = (np.nan, 1, 1)
+    copying = extension("gssmc_addon.splat_copy").SplatCopying(scene.gssmc.splat)
+    copying.start()
+    yield copying
+    copying.stop()
+
+
+def advance(copying, fraction=1.0):
+    """One attribute per call, since each call comes too late; the calls that it took to get to `fraction`."""
+    calls, before = 0, copying.fraction
+    while copying.fraction < fraction:
+        copying.advance(0.0)
+        calls += copying.fraction > before
+        before = copying.fraction
+    return calls
+
+
+def test_a_copy_in_steps_is_the_copy_at_once(scene, extension, copying):
+    wanted = extension("gssmc_addon.splat_copy").SplatCopying(scene.gssmc.splat).finish().copy()
+    assert advance(copying) == 2 * (4 + len(wanted.bands)), "every attribute in a call of its own, read and compared"
+    assert copying.advance(0.0)
+    got = copying.copy()
+    for name in ("means", "scales", "rotations", "base"):
+        np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
+    np.testing.assert_array_equal(got.bands, wanted.bands)
+    assert got.assemble().dropped == 1
+
+
+def paint_a_point(bpy, splat):
+    """What is copied first, and what is compared last."""
+    for name in ("position", "radiance:sh_2"):
+        splat.data.attributes[name].data[5].vector = (9, 9, 9)
+
+
+def lose_an_attribute(bpy, splat):
+    splat.data.attributes.remove(splat.data.attributes["radiance:sh_0"])
+
+
+def add_points(bpy, splat):
+    splat.data.resize(300)
+
+
+def change_the_data(bpy, splat):
+    splat.data = splat.data.copy()
+
+
+def delete(bpy, splat):
+    bpy.data.objects.remove(splat)
+
+
+EDITS = ((paint_a_point, "edited"), (lose_an_attribute, "edited"), (add_points, "edited"), (change_the_data, "edited"))
+
+
+@pytest.mark.parametrize("copied", [0.2, 0.5, 0.52])
+@pytest.mark.parametrize(("edit", "words"), [*EDITS, (delete, "removed")])
+def test_what_is_edited_while_it_is_copied_is_refused(bpy, scene, extension, copying, edit, words, copied):
+    advance(copying, copied)
+    edit(bpy, scene.gssmc.splat)
+    with pytest.raises(extension("core.errors").SplatFormatError, match=f'"scan" was {words} while it was copied'):
+        advance(copying)
+
+
+def test_a_job_whose_splat_is_edited_while_it_is_copied_changes_nothing(bpy, scene, job, extension):
+    before = counts(bpy), state(scene)
+    job.tick()
+    assert job.step == "Copying the splat"
+    paint_a_point(bpy, scene.gssmc.splat)
+    scene.gssmc.splat.data.attributes.remove(scene.gssmc.splat.data.attributes["rotation"])
+    with pytest.raises(extension("core.errors").GssmcError, match="edited"):
+        while True:
+            job.tick()
+    assert job.cancelled
+    assert (counts(bpy), state(scene)) == before
+
+
+def test_a_job_can_be_stopped_while_its_splat_is_copied(scene, job):
+    job.cancel()
+    assert job.join(0), "no thread of the refinement runs yet"
+    assert scene.camera.data.gssmc.verdict == "NONE"

@@ -191,10 +191,12 @@ def test_an_import_can_be_stopped(bpy, extension, tmp_path):
     job.start()
     job.join()
     with pytest.raises(extension("core.errors").Cancelled):
-        job.result()
+        job.look()
+    with pytest.raises(extension("core.errors").Cancelled):
+        job.read()
     before = counts(bpy)
-    prepared = job_module.prepare(extension("core.splats").read_splats(path), True)
-    building = importer.Building("scan", prepared, importer.Placement())
+    read = job_module.ReadSplat.of(extension("core.splats").read_splats(path))
+    building = importer.Building("scan", read, importer.Placement())
     assert not building.step()
     building.drop()
     assert counts(bpy) == before
@@ -259,6 +261,69 @@ def test_slow_machines_get_less_to_do(extension):
     assert (slow.moving, slow.shrink, slow.slice) == (lod.FEWEST, 4, lod.SMALLEST_SLICE)
     assert (fast.moving, fast.shrink) == (lod.MOST_MOVING, 1)
     assert fast.slice == lod.LARGEST
+    fast.begin()
+    slow.begin()
+    assert (fast.slice, slow.slice) == (lod.SLICE[False], lod.SMALLEST_SLICE), "another view may be a slower one"
+
+
+def test_a_resting_picture_grows_between_redraws(drawing, extension, room):
+    """One redraw begins it, slices go on without another, and at the end it is the picture drawn in one go."""
+    data, drawer = extension("gssmc_addon.viewport_data"), extension("gssmc_addon.viewport_gpu")
+    canvases, lod = extension("gssmc_addon.viewport_canvas"), extension("gssmc_addon.viewport_lod")
+    camera = sample_cameras()[2]
+    size = camera.intrinsics.width, camera.intrinsics.height
+    view, projection = matrices(camera)
+    tables = data.build_tables(room.means, room.scales, room.rotations, base_of(room), 10**8)
+    textures = drawer.SplatTextures(tables)
+    while not textures.send_next():
+        pass
+    order = drawer.texture(data.order_table(data.back_to_front(tables.means, np.array(view.row[2][:3]))))
+    draw = drawer.SplatDraw(textures, order, tables.count, 1.0, view, projection, 0)
+    painter, budget, depth, canvas = drawer.Painter(), lod.Budget(True), canvases.Depth(), canvases.Canvas()
+    depth.values = np.ones(size[::-1], np.float32)
+    canvas.paint(painter, draw, depth, budget, moving=False)
+    assert canvas.working
+    assert not canvas.shows, "nothing half done is shown"
+    slices = 1
+    while not canvas.advance(painter, budget):
+        assert not canvas.shows
+        slices += 1
+    assert slices > 1
+    assert canvas.shows
+    assert not canvas.working
+    with canvas._shown.bind():
+        frame = drawing.state.active_framebuffer_get()
+        pixels = np.array(frame.read_color(0, 0, *size, 4, 0, "FLOAT"), np.float32).reshape(size[1], size[0], 4)[::-1]
+    canvas.free()
+    whole = picture(drawing, extension, room, camera)
+    assert np.abs(pixels - whole).mean() < 0.005, "half floats, blended in slices"
+
+
+def test_an_imported_splat_is_written_in_steps(bpy, extension, splat_file):
+    """Attributes are added first, then written one by one; a splat that is gone in between is said to be gone."""
+    from samples import counts
+
+    from core.splats import read_splats
+
+    job_module, importer = extension("gssmc_addon.splat_import_job"), extension("gssmc_addon.splat_import")
+    read = job_module.ReadSplat.of(extension("core.splats").read_splats(splat_file))
+    building = importer.Building("scan", read, importer.Placement())
+    seen = []
+    while not building.step():
+        seen.append(building.fraction)
+    assert seen[0] == 0.0
+    assert len([f for f in seen if f > 0]) == 4 + 3 - 1, "SH degree 1: seven attributes, each in a step of its own"
+    obj = building.finish(bpy.context, job_module.Look.of(read, False))
+    got = extension("gssmc_addon.splat_copy").read_splat(obj)
+    np.testing.assert_array_equal(got.means, read_splats(splat_file).means)
+    np.testing.assert_array_equal(got.sh, read_splats(splat_file).sh)
+    before = counts(bpy)
+    gone = importer.Building("gone", read, importer.Placement())
+    gone.step()
+    bpy.data.pointclouds.remove(bpy.data.pointclouds["gone"])
+    with pytest.raises(extension("core.errors").SplatFormatError, match="was removed while"):
+        gone.step()
+    assert counts(bpy) == before
 
 
 def test_a_photo_before_the_camera_is_not_hidden(bpy, extension):
