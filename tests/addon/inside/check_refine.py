@@ -261,6 +261,8 @@ def lose_an_attribute(bpy, splat):
 
 
 def add_points(bpy, splat):
+    if not hasattr(splat.data, "resize"):
+        pytest.skip("this Blender cannot resize a point cloud")
     splat.data.resize(300)
 
 
