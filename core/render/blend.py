@@ -26,7 +26,6 @@ ROUND_PAIRS = (
 )
 SEGMENT_PAIRS = 49152  # pairs whose parameters are gathered at once, for several rounds
 DEPTH_MAX = 255  # levels of a round: tiles turn opaque, and a byte counts the levels before a pixel ends
-GROUP_SIZES = (16, 8, 5, 3)  # levels of a group; 0.01^16 is still a normal number
 GEMM_ROWS = 512  # OpenBLAS starts threads of its own only above M N K = 262144; 512 x 64 x 6 stays below
 EXPONENT_MIN = -60.0  # far under 1/255; cv2.exp is slow where it underflows
 LOG_ALPHA_MAX = float(np.log(np.float32(c.ALPHA_MAX)))
@@ -59,6 +58,7 @@ class Scratch:
         self.weights = np.empty((ROUND_PAIRS + GEMM_ROWS, PIXELS), np.float32)
         self.transmittance = np.empty(2 * ROUND_PAIRS * PIXELS, np.float32)
         self.basis = pixel_basis()
+        self.chained = _multiplies_in_order(self.transmittance)
 
 
 def blend_tiles(
@@ -84,7 +84,7 @@ def blend_tiles(
         depth = max(1, min(SEGMENT_PAIRS // len(live), int(state[1].max())))
         g = _gather_index(lists.splats, state, depth, len(table) - 1)
         segment = _coefficients(table, g, offset, scratch)
-        done, seeing = _blend_segment(*segment, transmittance, sums, scratch, poll)
+        done, seeing, transmittance = _blend_segment(*segment, transmittance, sums, scratch, poll)
         state += ((done,), (-done,))
         stay = (state[1] > 0) & seeing
         if not stay.all():
@@ -100,24 +100,31 @@ def _blend_segment(
     sums: Float32Array,
     scratch: Scratch,
     poll: Callable[[], None],
-) -> tuple[int, NDArray[np.bool_]]:
+) -> tuple[int, NDArray[np.bool_], Float32Array]:
     """Add the pairs of one segment, round by round, until half of its tiles are opaque.
 
-    Returns the levels that were added and which tiles (n,) are not opaque yet. rows (depth, n, ROW), coefficients (6, pairs
-    and padding); transmittance (n, PIXELS) and sums (n, CHANNELS, PIXELS) are updated.
+    Returns the levels that were added, which tiles (n,) are not opaque yet and the transmittance (n, PIXELS) that is left, in
+    the scratch. rows (depth, n, ROW), coefficients (6, pairs and padding); transmittance (n, PIXELS); sums (n, CHANNELS,
+    PIXELS) are updated.
     """
     depth, tiles, _ = rows.shape
     step = max(1, min(ROUND_PAIRS // tiles, DEPTH_MAX))
+    alive = transmittance.ravel() > 0
     for begin in range(0, depth, step):
         poll()
         end = min(begin + step, depth)
         weights = _alpha(coefficients[:, begin * tiles :], (end - begin, tiles), scratch)
-        _composite(weights, transmittance, scratch)
+        transmittance, alive = _composite(weights, transmittance, alive, scratch)
         sums += np.matmul(rows[begin:end].transpose(1, 2, 0)[:, FEATURES:, :], weights.transpose(1, 0, 2))
-        seeing = transmittance.max(axis=1) > 0
-        if 2 * np.count_nonzero(seeing) < tiles:
+        # only where half of the pixels have ended can half of the tiles be opaque
+        if 2 * np.count_nonzero(alive) < alive.size and 2 * np.count_nonzero(_seeing(alive)) < tiles:
             break
-    return end, seeing
+    return end, _seeing(alive), transmittance
+
+
+def _seeing(alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which tiles (n,) have a pixel that has not ended; alive (n * PIXELS,)."""
+    return alive.view(np.uint64).reshape(-1, PIXELS // 8).any(axis=1)
 
 
 def _gather_index(splats: NDArray[np.int32], state: IndexArray, depth: int, pad: int) -> NDArray[np.int32]:
@@ -176,49 +183,52 @@ def _alpha(coefficients: Float32Array, shape: tuple[int, ...], scratch: Scratch)
     return flat.reshape(*shape, PIXELS)
 
 
-def _composite(weights: Float32Array, transmittance: Float32Array, scratch: Scratch) -> None:
-    """Alphas (depth, tiles, PIXELS) to blending weights, in place; pixels that end get transmittance 0."""
+def _composite(
+    weights: Float32Array, transmittance: Float32Array, alive: NDArray[np.bool_], scratch: Scratch
+) -> tuple[Float32Array, NDArray[np.bool_]]:
+    """Alphas (depth, tiles, PIXELS) to blending weights, in place.
+
+    Returns the transmittance (tiles, PIXELS), in the scratch, that the levels leave over, 0 for pixels that have ended, and
+    where it is not 0, (tiles * PIXELS,); `alive` is that of before.
+    """
     depth = len(weights)
     before = scratch.transmittance[: (depth + 1) * transmittance.size].reshape(depth + 1, -1)
     passed = weights.reshape(depth, -1)
     np.subtract(np.float32(1), passed, out=passed)
     before[0] = transmittance.ravel()
-    _scan(passed, before)
+    _chain(passed, before, scratch.chained)
     after = before[1:].reshape(1, -1)
     cv2.threshold(after, c.TRANSMITTANCE_MIN, 0, cv2.THRESH_TOZERO, after)
     np.subtract(before[:-1], before[1:], out=passed)
-    ended = np.flatnonzero((before[-1] == 0) & (before[0] > 0))
+    still = before[-1] > 0
+    ended = np.flatnonzero(alive > still)
     if len(ended):
         # the Gaussian that would take a pixel below the limit does not count
         first = (before[1:].take(ended, axis=1) > 0).view(np.uint8).sum(axis=0, dtype=np.uint8)
         passed[first, ended] = 0
-    transmittance[:] = before[-1].reshape(transmittance.shape)
+    return before[-1].reshape(transmittance.shape), still
 
 
-def _scan(passed: Float32Array, before: Float32Array) -> None:
+def _chain(passed: Float32Array, before: Float32Array, at_once: bool) -> None:
     """before[d + 1] = before[d] * passed[d] down the levels, before[0] given; passed (depth, n), before (depth + 1, n).
 
-    Groups of levels side by side, then the products from group to group, then the groups multiplied with what reaches them:
-    a call per level would be a thousand more per frame, and threads that call often spend their time passing the interpreter
-    lock.
+    At once, source and result overlap, shifted by a level (numpy would work on a copy): OpenCV goes through them in the order
+    of memory, so that each level finds the one before it done. A call per level would be some thousand more per frame, and
+    threads that make short calls spend their time passing the interpreter lock.
     """
-    depth, n = passed.shape
-    size = next((s for s in GROUP_SIZES if s * s <= depth), 1)
-    groups = depth // size
-    whole = groups * size if size > 1 else 0
-    if whole:
-        inner, factor = before[1 : whole + 1].reshape(groups, size, n), passed[:whole].reshape(groups, size, n)
-        np.multiply(factor[:, 0], factor[:, 1], out=inner[:, 1])
-        for i in range(2, size):
-            np.multiply(inner[:, i - 1], factor[:, i], out=inner[:, i])
-        ends = before[: whole + 1 : size]
-        for g in range(groups):
-            np.multiply(ends[g], ends[g + 1], out=ends[g + 1])
-            if size == GROUP_SIZES[0]:
-                # what the limit would end anyway, before it gets too small for fast arithmetic
-                end = ends[g + 1].reshape(1, -1)
-                cv2.threshold(end, c.TRANSMITTANCE_MIN, 0, cv2.THRESH_TOZERO, end)
-        np.multiply(ends[:-1], factor[:, 0], out=inner[:, 0])
-        inner[:, 1:-1] *= ends[:-1, None]
-    for d in range(whole, depth):
-        np.multiply(before[d], passed[d], out=before[d + 1])
+    if at_once:
+        cv2.multiply(before[:-1], passed, before[1:])
+    else:
+        for d in range(len(passed)):
+            np.multiply(before[d], passed[d], out=before[d + 1])
+
+
+def _multiplies_in_order(room: Float32Array) -> bool:
+    """Whether this OpenCV chains levels at once, tried on few long levels and on many short ones; room (n,) is overwritten."""
+    for depth, n in ((3, len(room) // 4), (DEPTH_MAX // 3, PIXELS)):
+        before = room[: (depth + 1) * n].reshape(depth + 1, n)
+        before[0], before[1:] = 1, np.nan
+        _chain(np.full((depth, n), 0.5, np.float32), before, at_once=True)
+        if not (before == np.exp2(-np.arange(depth + 1, dtype=np.float32))[:, None]).all():
+            return False
+    return True

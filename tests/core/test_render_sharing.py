@@ -1,50 +1,62 @@
-"""Work shared out between the calling thread and its helpers: results in order, the first error ends it."""
+"""How a frame's threads share the interpreter lock: quickly while they draw, and afterwards as the process had it."""
 
 from __future__ import annotations
 
-import threading
+import sys
+from collections.abc import Iterator
 
 import pytest
 
-from core.render.sharing import Workers
+from core.camera import Intrinsics, Pose
+from core.errors import Cancelled
+from core.render import Renderer, RenderSettings
+from core.render.sharing import HANDOVER_S, quick_handover
+
+from .render_scenes import cloud, make_scene
+
+CAMERA = Intrinsics(61, 43, 50.0, 55.0, 28.0, 24.0)
+USUAL_S = 0.004
 
 
-@pytest.mark.parametrize("threads", [1, 2, 5])
-def test_results_stand_in_the_order_of_the_items(threads: int) -> None:
-    with Workers(threads) as workers:
-        assert workers.run(lambda a, b: a * b, range(50), [2] * 50) == [2 * a for a in range(50)]
-        assert workers.run(str, []) == []
+@pytest.fixture(autouse=True)
+def usual_interval() -> Iterator[None]:
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(USUAL_S)
+    yield
+    sys.setswitchinterval(before)
 
 
-def test_two_threads_work_at_the_same_time() -> None:
-    meeting = threading.Barrier(2, timeout=10)  # breaks, and fails the test, where one thread does both items
-    with Workers(2) as workers:
-        workers.run(lambda _: meeting.wait(), range(2))
+@pytest.mark.parametrize(("threads", "while_drawing"), [(1, USUAL_S), (2, HANDOVER_S)])
+def test_only_threads_that_share_a_frame_hand_over_quickly(threads: int, while_drawing: float) -> None:
+    seen: list[float] = []
+
+    def look() -> bool:
+        seen.append(sys.getswitchinterval())
+        return False
+
+    Renderer(make_scene(*cloud()), RenderSettings(threads=threads)).render(CAMERA, Pose(), look)
+    assert seen == pytest.approx([while_drawing] * len(seen), abs=2e-6)
+    assert seen
+    assert sys.getswitchinterval() == pytest.approx(USUAL_S, abs=2e-6)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_an_error_is_raised_and_ends_the_work(threads: int) -> None:
-    done: list[int] = []
-
-    def fail_at_third(i: int) -> None:
-        if i == 2:
-            raise ValueError("third")
-        done.append(i)
-
-    with Workers(threads) as workers:
-        with pytest.raises(ValueError, match="third"):
-            workers.run(fail_at_third, range(100_000))
-        assert len(done) < 100_000
-        assert workers.run(str, [1, 2]) == ["1", "2"]
+def test_a_cancelled_frame_puts_the_interval_back() -> None:
+    with pytest.raises(Cancelled):
+        Renderer(make_scene(*cloud()), RenderSettings(threads=2)).render(CAMERA, Pose(), lambda: True)
+    assert sys.getswitchinterval() == pytest.approx(USUAL_S, abs=2e-6)
 
 
-def test_an_error_of_a_helper_reaches_the_caller() -> None:
-    main, meeting = threading.get_ident(), threading.Barrier(2, timeout=10)
+def test_frames_that_overlap_leave_nothing_changed() -> None:
+    first, second = quick_handover(), quick_handover()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    second.__exit__(None, None, None)
+    assert sys.getswitchinterval() == pytest.approx(USUAL_S, abs=2e-6)
 
-    def fail_elsewhere(_: int) -> None:
-        meeting.wait()
-        if threading.get_ident() != main:
-            raise ValueError("helper")
 
-    with Workers(2) as workers, pytest.raises(ValueError, match="helper"):
-        workers.run(fail_elsewhere, range(2))
+def test_a_shorter_interval_of_the_process_is_kept() -> None:
+    sys.setswitchinterval(1e-5)
+    with quick_handover():
+        assert sys.getswitchinterval() == pytest.approx(1e-5, abs=2e-6)
+    assert sys.getswitchinterval() == pytest.approx(1e-5, abs=2e-6)

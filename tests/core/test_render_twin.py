@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -95,6 +96,22 @@ def test_threads_do_not_change_a_bit() -> None:
     one, two = (Renderer(scene, RenderSettings(threads=n)).render(k, Pose()) for n in (1, 2))
     for field in ("color", "depth", "alpha", "depth_variance"):
         assert np.array_equal(getattr(one, field), getattr(two, field))
+
+
+def test_an_opencv_that_multiplies_out_of_order_draws_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Levels are chained by one multiplication whose source and result overlap; where that does not hold, one by one."""
+    means, scales = cloud(5000, seed=5)
+    scene, k = make_scene(means, scales * 0.3), Intrinsics(100, 80, 80.0, 80.0, 50.0, 40.0)
+    want = Renderer(scene).render(k, Pose())
+
+    def from_a_copy(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> np.ndarray:
+        return np.multiply(a.copy(), b, out=out)
+
+    monkeypatch.setattr(cv2, "multiply", from_a_copy)
+    got = Renderer(scene).render(k, Pose())
+    assert want.alpha.max() > 0.99
+    assert np.array_equal(got.color, want.color)
+    assert np.array_equal(got.depth, want.depth)
 
 
 @pytest.mark.parametrize("opacity", [0.02, 0.3, 1.0])
