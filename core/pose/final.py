@@ -30,6 +30,7 @@ MAX_PASSES = 3
 SETTLED = 0.003  # of the median depth, and degrees: a pass that moved less than this ends the stage
 SETTLED_DEG = 0.15
 SETTLED_FOCAL = 0.002
+LENS_GAIN = 0.2  # fall of the reprojection error from which the photo has a distortion that its lens does not tell of
 AUTO_MARGIN = 0.97  # another stage than the joint one must explain the held-out matches better by this factor
 
 
@@ -63,12 +64,18 @@ def final_stage(
         if found is None:
             break
         solution, depth = found
-        distance, degrees = pose_error(solution.camera.pose, camera.pose)
-        zoomed = abs(np.log(solution.camera.intrinsics.focal / camera.intrinsics.focal))
-        camera = solution.camera
-        if distance < SETTLED * depth and degrees < SETTLED_DEG and zoomed < SETTLED_FOCAL:
+        before, camera = camera, solution.camera
+        if solution.mode != mode:
+            mode = solution.mode  # another lens moves the photo's pixels, which is a move like any other
+        elif _settled(before, camera, depth):
             break
     return solution
+
+
+def _settled(before: LensCamera, after: LensCamera, depth: float) -> bool:
+    distance, degrees = pose_error(after.pose, before.pose)
+    zoomed = abs(np.log(after.intrinsics.focal / before.intrinsics.focal))
+    return bool(distance < SETTLED * depth and degrees < SETTLED_DEG and zoomed < SETTLED_FOCAL)
 
 
 def _pass(
@@ -135,7 +142,24 @@ def solve_views(
     if stage != "epipolar" and len(reference) >= MIN_CORNERS:
         # chosen without it, fitted with it; lines of (nearly) no baseline would only turn with the noise
         problem = JointProblem.of([*views, reference], k, prior, mode)
-    return from_joint(fit_joint(start, problem, stage), problem, stage, depth)
+    return _with_lens(
+        fit_joint(start, problem, stage), problem, stage, depth, bends=mode == "focal" and settings.lens == "auto"
+    )
+
+
+def _with_lens(fit: JointFit, problem: JointProblem, stage: Stage, depth: float, bends: bool) -> Solution:
+    """The fit as a solution, held against one whose lens may also bend: that one takes its place where it is clearly better
+    and `bends` allows it, and is told of otherwise. Such a lens moves the pose, whose own deviation is blind to it.
+    """
+    if problem.mode in ("radial", "full"):
+        return from_joint(fit, problem, stage, depth, 0.0)
+    bent = problem.with_mode("radial")
+    bent_fit = fit_joint(fit.camera, bent, stage)
+    gain = 1 - bent_fit.rms_px / max(fit.rms_px, 1e-12)
+    log.debug("a lens that bends (k1 %.3f) fits better by %.3f", bent_fit.camera.intrinsics.dist[0], gain)
+    if bends and gain > LENS_GAIN:
+        return from_joint(bent_fit, bent, stage, depth, 0.0)
+    return from_joint(fit, problem, stage, depth, max(0.0, gain))
 
 
 def choose(fits: dict[Stage, JointFit], held_out: JointProblem) -> Stage:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal, get_args
 
@@ -63,9 +63,13 @@ class JointProblem:
         seen = tuple(intrinsics.project(bearings(v.query)) for v in known)
         return cls(known, seen, density_weights(seen, intrinsics), prior, mode)
 
+    def with_mode(self, mode: LensMode) -> JointProblem:
+        """The same problem with other numbers of the lens free."""
+        return replace(self, mode=mode)
+
     def part(self, keep: slice) -> JointProblem:
         """The same problem on some of the views."""
-        return JointProblem(self.views[keep], self.seen[keep], self.weights[keep], self.prior, self.mode)
+        return replace(self, views=self.views[keep], seen=self.seen[keep], weights=self.weights[keep])
 
 
 def density_weights(seen: Sequence[FloatArray], k: Intrinsics) -> tuple[FloatArray, ...]:

@@ -10,13 +10,13 @@ import numpy as np
 from ..camera import FloatArray, Intrinsics, Pose
 from ..lie import se3_exp
 
-LensMode = Literal["fixed", "focal", "full"]
+LensMode = Literal["fixed", "focal", "radial", "full"]
 
-# log f, (cx, cy) / f, k1, k2: what a step of the lens consists of. Deviations of the prior: a focal length guessed from EXIF or
-# by eye is off by a quarter at times; principal points stay within a few per cent of the middle; phones' k1, k2 within a tenth.
-NAMES = ("log f", "cx / f", "cy / f", "k1", "k2")
-PRIOR_STD = np.array([0.3, 0.02, 0.02, 0.1, 0.1])
-FREE = {"fixed": 0, "focal": 1, "full": 5}
+# What a step of the lens consists of; a mode frees the first so many. Deviations of the prior: a focal length guessed from EXIF
+# or by eye is off by a quarter at times, phones' k1 and k2 by a tenth, principal points by some per cent.
+NAMES = ("log f", "k1", "k2", "cx / f", "cy / f")
+PRIOR_STD = np.array([0.3, 0.1, 0.1, 0.02, 0.02])
+FREE: dict[LensMode, int] = {"fixed": 0, "focal": 1, "radial": 3, "full": 5}
 MAX_LOG_STEP = 0.2
 
 
@@ -43,9 +43,9 @@ def moved_lens(k: Intrinsics, step: FloatArray) -> Intrinsics:
         k,
         fx=k.fx * grow,
         fy=k.fy * grow,
-        cx=k.cx + float(step[1]) * k.focal,
-        cy=k.cy + float(step[2]) * k.focal,
-        dist=(k1 + float(step[3]), k2 + float(step[4]), p1, p2, k3),
+        dist=(k1 + float(step[1]), k2 + float(step[2]), p1, p2, k3),
+        cx=k.cx + float(step[3]) * k.focal,
+        cy=k.cy + float(step[4]) * k.focal,
     )
 
 
@@ -54,9 +54,9 @@ def lens_difference(now: Intrinsics, prior: Intrinsics) -> FloatArray:
     return np.array(
         [
             np.log(now.focal / prior.focal),
-            (now.cx - prior.cx) / prior.focal,
-            (now.cy - prior.cy) / prior.focal,
             now.dist[0] - prior.dist[0],
             now.dist[1] - prior.dist[1],
+            (now.cx - prior.cx) / prior.focal,
+            (now.cy - prior.cy) / prior.focal,
         ]
     )

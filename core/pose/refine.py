@@ -93,7 +93,7 @@ def _refine_with(
         )
         return job.report(None, "check", (kept + " and was kept.",), records, began, quality)
     refined = None if verdict == "failed" else job.full_size(solution.camera)
-    return job.report(refined, verdict, reasons, records, began, quality, solution.stage)
+    return job.report(refined, verdict, reasons, records, began, quality, solution)
 
 
 def lens_mode(settings: RefineSettings, camera: Camera) -> LensMode:
@@ -123,7 +123,7 @@ class _Job:
             solution = yield from self._final(answer, iterations, rng)
         yield RefineProgress(iterations, self.settings.iterations, "checking the answer", 0.97)
         if solution is None:
-            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth)
+            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, self.mode)
             return loop, view_at(self.renderer, image, loop.camera.pose)
         lens = solution.camera.intrinsics.resized(image.intrinsics.width, image.intrinsics.height)
         seen = view_at(self.renderer, image.with_intrinsics(lens), solution.camera.pose)
@@ -149,7 +149,7 @@ class _Job:
     def full_size(self, camera: LensCamera) -> Camera:
         """The camera for the photo at its full size; the given lens itself where it was not solved for."""
         given = self.start.intrinsics
-        if self.mode == "fixed":
+        if self.mode == "fixed":  # the last stage frees nothing of a lens that is held
             return replace(self.start, pose=camera.pose)
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
         return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
@@ -162,10 +162,9 @@ class _Job:
         records: Sequence[IterationRecord],
         began: float,
         quality: PoseQuality | None = None,
-        stage: str = "",
+        solution: Solution | None = None,
     ) -> RefineReport:
         seconds = time.perf_counter() - began
         log.info("%s after %d iterations, %.1f s: %s", verdict, len(records), seconds, " ".join(reasons))
-        return RefineReport(
-            refined or self.start, self.start, verdict, reasons, tuple(records), seconds, quality, stage, self.mode
-        )
+        stage, mode = (solution.stage, solution.mode) if solution else ("", self.mode)
+        return RefineReport(refined or self.start, self.start, verdict, reasons, tuple(records), seconds, quality, stage, mode)

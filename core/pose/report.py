@@ -42,7 +42,8 @@ class PoseQuality:
     disagreement: distance between the answers of two halves of the views, in per cent of the median depth, and
     disagreement_deg in degrees (NaN with fewer than four views); translation_std (per cent of the median depth) and
     rotation_std_deg: deviations from the fit's covariance; focal_std: the same of the focal length, per cent (NaN when it was
-    not solved for); agreement, offset_px, similarity: see `verify.FinalView`.
+    not solved for); lens_gain: by how many per cent epipolar_rms_px falls where focal length, k1 and k2 are free as well
+    (0 when they were); agreement, offset_px, similarity: see `verify.FinalView`.
     """
 
     views_used: int
@@ -58,6 +59,7 @@ class PoseQuality:
     offset_px: float
     similarity: float
     median_depth: float
+    lens_gain: float = 0.0
 
 
 @dataclass(frozen=True)

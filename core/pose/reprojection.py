@@ -58,7 +58,7 @@ def reproject(camera: LensCamera, matches: ViewMatches, seen: FloatArray, free: 
     J[:, :, 3:6] = -D @ hat(p)
     if free:
         r2 = (n * n).sum(1)[:, None]
-        columns = (bent * focal, [k.focal, 0.0], [0.0, k.focal], n * r2 * focal, n * r2 * r2 * focal)
+        columns = (bent * focal, n * r2 * focal, n * r2 * r2 * focal, [k.focal, 0.0], [0.0, k.focal])
         for i, column in enumerate(columns[:free]):
             J[:, :, 6 + i] = column
     return Reprojection(bent * focal + (k.cx, k.cy) - seen, J, np.einsum("nij,nj->ni", D, ray), p[:, 2])

@@ -10,7 +10,7 @@ import numpy as np
 from ..camera import FloatArray, Intrinsics, pose_error
 from .epipolar import EpipolarFit, refine_epipolar
 from .joint import JointFit, JointProblem, Stage, fit_joint
-from .lens import LensCamera
+from .lens import LensCamera, LensMode
 from .matches import ViewMatches
 
 SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
@@ -25,7 +25,8 @@ class Solution:
     "loop" where the loop's own answer stands). rms_px: residuals across the epipolar lines, of that image's pixels.
     translation_std (scene units), rotation_std_deg, focal_std (share of the focal length, NaN when it was not solved for): from
     the fit's covariance, infinite where a direction is unseen. apart, apart_deg: distance between the answers of two halves of
-    the views, scene units and degrees, NaN with fewer than four views.
+    the views, scene units and degrees, NaN with fewer than four views. mode: what of the lens was solved for. lens_gain: by
+    what share (0..1) rms_px falls where focal length, k1 and k2 are free; 0 when they were, or after the loop alone.
     """
 
     camera: LensCamera
@@ -36,26 +37,28 @@ class Solution:
     focal_std: float
     apart: float
     apart_deg: float
+    mode: LensMode
+    lens_gain: float = 0.0
 
 
-def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics, depth: float) -> Solution:
+def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics, depth: float, mode: LensMode) -> Solution:
     """The loop's own answer as a solution. `depth`: median rendered depth, scene units."""
     apart = (float("nan"), float("nan"))
     if len(views) >= 4:
         a, b = (refine_epipolar(fit.pose, views[i::2], k.matrix).pose for i in (0, 1))
         apart = pose_error(a, b)
     deviations = _deviations(fit.information, depth)
-    return Solution(LensCamera(fit.pose, k), "loop", fit.rms_px, *deviations, *apart)
+    return Solution(LensCamera(fit.pose, k), "loop", fit.rms_px, *deviations, *apart, mode)
 
 
-def from_joint(fit: JointFit, problem: JointProblem, stage: Stage, depth: float) -> Solution:
+def from_joint(fit: JointFit, problem: JointProblem, stage: Stage, depth: float, lens_gain: float) -> Solution:
     """A fit of the last stage as a solution."""
     apart = (float("nan"), float("nan"))
     if len(problem.views) >= 4:
         a, b = (fit_joint(fit.camera, problem.part(slice(i, None, 2)), stage).camera.pose for i in (0, 1))
         apart = pose_error(a, b)
     translation, rotation, focal = _deviations(fit.information / SHARED_ERROR**2, depth)
-    return Solution(fit.camera, stage, fit.rms_px, translation, rotation, focal, *apart)
+    return Solution(fit.camera, stage, fit.rms_px, translation, rotation, focal, *apart, problem.mode, lens_gain)
 
 
 def _deviations(information: FloatArray, depth: float) -> tuple[float, float, float]:

@@ -30,6 +30,7 @@ TRUSTED_DISAGREEMENT = 0.5  # per cent of the median depth
 TRUSTED_DISAGREEMENT_DEG = 0.4
 TRUSTED_STD = 0.5  # per cent of the median depth; twice what the fit itself says, see solution.SHARED_ERROR
 TRUSTED_FOCAL_STD = 1.0  # per cent
+TRUSTED_LENS_GAIN = 25.0  # per cent; on two scans up to 24 with the right lens, from 25 on without its distortion
 
 
 def assess(solution: Solution, views: Sequence[ViewMatches], seen: FinalView, camera: Intrinsics, depth: float) -> PoseQuality:
@@ -50,6 +51,7 @@ def assess(solution: Solution, views: Sequence[ViewMatches], seen: FinalView, ca
         offset_px=seen.offset_px,
         similarity=seen.similarity,
         median_depth=depth,
+        lens_gain=100 * solution.lens_gain,
     )
 
 
@@ -99,6 +101,11 @@ def _doubts(q: PoseQuality, share: str) -> list[str]:
         (
             q.focal_std > TRUSTED_FOCAL_STD,  # NaN, when it was not solved for, is no doubt
             f"The fit leaves the focal length uncertain by {q.focal_std:.1f} %; give it, if it is known.",
+        ),
+        (
+            q.lens_gain > TRUSTED_LENS_GAIN,
+            f"With focal length and distortion free the matches fit {q.lens_gain:.0f} % better; "
+            "check the calibration, or have the lens solved for in full.",
         ),
     ]
     return [sentence for doubtful, sentence in checks if doubtful]

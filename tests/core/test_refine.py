@@ -237,6 +237,24 @@ def test_the_whole_lens_is_solved_for(room, photo):
     assert pose_error(report.camera.pose, TRUTH)[0] < 0.5 * pose_error(plain.camera.pose, TRUTH)[0]
 
 
+def test_a_distortion_that_nobody_told_of_is_found_where_the_lens_is_a_guess(room, photo):
+    guess = replace(LENS.pinhole(), fx=LENS.fx * 1.1, fy=LENS.fy * 1.1)
+    report = refine(room, photo, Camera(guess, _start(0.05, 4.0), focal_guessed=True))
+    k = report.camera.intrinsics
+    assert report.verdict == "trusted" and report.lens == "radial", report.reasons
+    assert k.dist[0] == pytest.approx(LENS.dist[0], abs=0.015) and k.fx == pytest.approx(LENS.fx, rel=5e-3)
+    assert (k.cx, k.cy) == (guess.cx, guess.cy)
+    assert pose_error(report.camera.pose, TRUTH)[0] < 0.004 * DEPTH
+
+
+@pytest.mark.parametrize("lens", ["fixed", "focal"])
+def test_and_is_told_where_it_may_not_be_solved_for(room, photo, lens):
+    report = refine(room, photo, Camera(LENS.pinhole(), _start(0.05, 4.0)), RefineSettings(lens=lens))
+    assert report.verdict == "check" and report.lens == lens
+    assert any("distortion" in reason for reason in report.reasons)
+    assert report.quality.lens_gain > 15
+
+
 def test_a_wrong_focal_length_held_fixed_is_not_trusted(room, photo):
     guess = replace(LENS, fx=LENS.fx * 1.25, fy=LENS.fy * 1.25)
     report = refine(room, photo, Camera(guess, _start(0.05, 4.0)))

@@ -99,6 +99,5 @@ def test_a_step_of_the_lens_and_its_difference_are_inverse():
     step = np.array([0.1, 0.01, -0.02, 0.03, -0.01])
     moved = moved_lens(LENS, step)
     got = lens_difference(moved, LENS)
-    np.testing.assert_allclose(got[[0, 3, 4]], step[[0, 3, 4]], rtol=1e-12)
-    np.testing.assert_allclose(got[1:3] * LENS.focal, step[1:3] * LENS.focal, rtol=1e-12)
+    np.testing.assert_allclose(got, step, rtol=1e-9)
     assert moved.fx / LENS.fx == pytest.approx(np.exp(0.1))
