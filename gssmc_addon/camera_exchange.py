@@ -13,6 +13,7 @@ from ..core.atomic import atomic_write
 from ..core.camera import Camera
 from ..core.camera_files import camera_to_dict
 from ..core.datasets import colmap, nerfstudio
+from ..core.datasets.training_world import read_training_world
 from ..core.errors import CameraError, DatasetError
 from . import camera_bridge, photo_image
 from .texts import rpt_
@@ -38,6 +39,14 @@ def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list
             )
         )
     return found
+
+
+def out_of_training_world(
+    found: Sequence[tuple[bpy.types.Object, Camera]], file: Path
+) -> list[tuple[bpy.types.Object, Camera]]:
+    """The cameras in the world of the transforms.json that the splat was trained from. Raises GssmcError."""
+    world = read_training_world(file).inverse()
+    return [(obj, replace(camera, pose=world.pose_to_scene(camera.pose))) for obj, camera in found]
 
 
 def write(path: Path, kind: str, found: Sequence[tuple[bpy.types.Object, Camera]]) -> None:

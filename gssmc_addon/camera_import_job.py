@@ -18,6 +18,7 @@ import numpy as np
 from ..core import datasets
 from ..core.camera import Camera
 from ..core.camera_files import Start
+from ..core.datasets.training_world import read_training_world
 from ..core.errors import CameraError, GssmcError
 from ..core.lens_guess import guess_lens
 from ..core.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
@@ -43,12 +44,18 @@ class Incoming:
 Found = list[Incoming | None]  # None for a camera that has no lens, nor a photo to take one from
 
 
-def gather(path: Path, photos: Path | None) -> Generator[float, None, Found]:
-    """The cameras of a file or folder, read step by step (yields the share done). Needs no Blender. Raises GssmcError."""
+def gather(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
+    """The cameras of a file or folder, read step by step (yields the share done). Needs no Blender. Raises GssmcError.
+
+    `world`: nerfstudio's file that says how the splat's world lies to the cameras'.
+    """
     path = model_of(path)
     folder = path if path.is_dir() else path.parent
     places = [photos] if photos else [folder / place for place in PHOTO_PLACES]
     starts, found = datasets.starts(path), []
+    if world is not None:
+        moved = read_training_world(world)
+        starts = [replace(start, pose=moved.pose_to_scene(start.pose)) for start in starts]
     for number, start in enumerate(starts, start=1):
         found.append(_incoming(start, places))
         yield number / len(starts)
@@ -90,8 +97,10 @@ class CameraImport(Job):
 
     status = n_("Importing cameras    Esc: cancel")
 
-    def __init__(self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool) -> None:
-        super().__init__(partial(gather, path, photos))
+    def __init__(
+        self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool, world: Path | None = None
+    ) -> None:
+        super().__init__(partial(gather, path, photos, world))
         self.step = n_("Reading cameras and photos")
         self.made = self.shown = self.left_out = 0
         self._path, self._set_resolution = path, set_resolution

@@ -30,6 +30,13 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         name="Selected Only", default=False, description="The selected cameras; otherwise all of the scene that have a photo"
     )
 
+    world: StringProperty(
+        name="Training World",
+        subtype="FILE_PATH",
+        description="nerfstudio's dataparser_transforms.json: cameras are written in the world of its transforms.json, "
+        "instead of the splat's",
+    )
+
     @classmethod
     def poll(cls, context):
         if context.scene.gssmc.splat is None:
@@ -47,6 +54,8 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         if self.format == "COLMAP" and path.suffix == ".json":
             path = path.with_suffix("")
         found = camera_exchange.collect(context.scene, self._objects(context))
+        if self.world:
+            found = camera_exchange.out_of_training_world(found, Path(bpy.path.abspath(self.world)))
         camera_exchange.write(path, self.format, found)
         self.report({"INFO"}, rpt_("{count} cameras were written to '{path}'.", count=len(found), path=path))
         return {"FINISHED"}

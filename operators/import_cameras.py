@@ -24,6 +24,12 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
         subtype="DIR_PATH",
         description="Folder of the photos; empty: beside the file, or in a folder named images near it",
     )
+    world: StringProperty(
+        name="Training World",
+        subtype="FILE_PATH",
+        description="For cameras of transforms.json and a splat that nerfstudio exported: the dataparser_transforms.json of "
+        "the training's output folder, which says how the splat was moved",
+    )
     set_resolution: BoolProperty(
         name="Set Resolution", default=False, description="Make the render resolution that of the first camera's photo"
     )
@@ -38,8 +44,8 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()
         camera_bridge.splat_similarity(context.scene.gssmc.splat)
-        photos = Path(bpy.path.abspath(self.photos)) if self.photos else None
-        return CameraImport(context.scene, Path(bpy.path.abspath(self.filepath)), photos, self.set_resolution)
+        path, photos, world = (Path(bpy.path.abspath(p)) if p else None for p in (self.filepath, self.photos, self.world))
+        return CameraImport(context.scene, path or Path(), photos, self.set_resolution, world)
 
     def apply(self, context, job, result):
         job.finish()

@@ -63,6 +63,25 @@ def test_cameras_go_in_and_come_out(bpy, extension, scene, cameras, tmp_path, ki
     assert bpy.ops.gssmc.import_cameras(filepath=str(out), photos=str(tmp_path)) == {"FINISHED"}
 
 
+def test_cameras_of_nerfstudio_follow_its_splat_and_go_back(bpy, extension, scene, cameras, tmp_path):
+    """p_splat = scale * (R p + t): a camera comes to where its centre goes, and is exported to where it was."""
+    turn, shift, scale = extension("core.lie").so3_exp(np.array([0.3, -1.0, 0.5])), np.array([1.0, 2.0, -3.0]), 0.4
+    world = tmp_path / "dataparser_transforms.json"
+    world.write_text(json.dumps({"transform": np.column_stack([turn, shift]).tolist(), "scale": scale}))
+    extension("core.datasets.nerfstudio").write_transforms(tmp_path / "transforms.json", cameras)
+    bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "transforms.json"), world=str(world))
+    inside = extension("gssmc_addon.camera_bridge").read_camera(scene, scene.camera, scene.gssmc.splat)
+    np.testing.assert_allclose(inside.pose.centre, scale * (turn @ cameras[0].pose.centre + shift), atol=1e-4)
+    np.testing.assert_allclose(inside.pose.R, cameras[0].pose.R @ turn.T, atol=1e-5)
+    out = tmp_path / "back.json"
+    assert bpy.ops.gssmc.export_cameras(filepath=str(out), format="NERFSTUDIO", world=str(world)) == {"FINISHED"}
+    for item, wanted in zip(read_to_end(extension, out, tmp_path), cameras, strict=True):
+        same(extension, item.camera, wanted)
+    world.write_text("{}")
+    with pytest.raises(RuntimeError, match='lacks "transform" or "scale"'):
+        bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "transforms.json"), world=str(world))
+
+
 def test_an_exported_json_tells_verdicts_and_guesses(bpy, extension, scene, tmp_path):
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
     extension("gssmc_addon.properties").note_verdict(scene.camera.data, "check", ("Look.",), 2, 1.0)
