@@ -3,7 +3,7 @@
     .venv/bin/python benchmarks/ablations.py [--plot benchmarks/iterations.png] [--workers N] [--only NAME ...]
 
 Groups: stages (no multi-view, no epipolar, every last stage), candidates (L = 1 .. 12), perturbation (size of the fan),
-iterations (the error after each one, as the plot), lens (a focal length 25 % off). Needs the scans in ../shared/scenes; errors
+iterations (the error after each one, as the plot), lens (a focal length 25 % off), distortion (nobody told of it). Needs the scans in ../shared/scenes; errors
 are per cent of the scan's median depth and degrees. Seconds are real_scenes.py's: two processes here share the machine.
 """
 
@@ -34,18 +34,23 @@ from core.pose.settings import RefineSettings
 
 SCANS = ("fox", "monstree")
 MAX_ITERATIONS = 6  # of the curve
+LENS_GROUPS = ("lens", "distortion")
 LOOP = {"final": "none"}  # the paper's method ends with its loop
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One row of a table: `settings` over the defaults, from `start`; `focal` is what the lens is multiplied by."""
+    """One row of a table: `settings` over the defaults, from `start`; `focal` is what the lens is multiplied by, `told` whether
+    its distortion is known, `guessed` whether the camera says that its lens is a guess.
+    """
 
     group: str
     name: str
     start: str
     settings: dict[str, object]
     focal: float = 1.0
+    told: bool = True
+    guessed: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,8 @@ def variants() -> list[Variant]:
     for start in ("near", "far"):
         out += [Variant("lens", f"focal x {f:g}, --lens focal", start, {"lens": "focal"}, f) for f in (0.75, 1.25)]
     out.append(Variant("lens", "focal x 1.25, --lens fixed", "near", {"lens": "fixed"}, 1.25))
+    for name, guessed in (("a guess", True), ("said to be calibrated", False)):
+        out.append(Variant("distortion", f"untold, the lens {name}", "near", {}, told=False, guessed=guessed))
     return out
 
 
@@ -93,7 +100,8 @@ def measure(job: tuple[Variant, str, int]) -> Result:
     truth = here.cameras[index]
     camera = start_camera(truth, here.depth, *STARTS[variant.start], seed=index)
     k = camera.intrinsics
-    camera = replace(camera, intrinsics=replace(k, fx=k.fx * variant.focal, fy=k.fy * variant.focal))
+    k = replace(k if variant.told else k.pinhole(), fx=k.fx * variant.focal, fy=k.fy * variant.focal)
+    camera = replace(camera, intrinsics=k, focal_guessed=variant.guessed)
     settings = RefineSettings(seed=0, threads=1, **variant.settings)
     report = refine(here.renderer, read_photo(SCENES / name / truth.file), camera, settings)
 
@@ -111,14 +119,14 @@ def row(variant: Variant, name: str, results: list[Result]) -> str:
     home = int((e <= BOUNDS[variant.start]).all(1).sum())
     verdicts = [r.verdict for r in results]
     counts = " / ".join(str(verdicts.count(v)) for v in ("trusted", "check", "failed"))
-    focal = f" {np.median([r.focal for r in results]):.2f} |" if variant.group == "lens" else ""
+    focal = f" {np.median([r.focal for r in results]):.2f} |" if variant.group in LENS_GROUPS else ""
     median, largest = np.median(e, axis=0), e.max(axis=0)
     errors = f"{median[0]:.3f} / {median[1]:.3f} | {largest[0]:.3f} / {largest[1]:.3f}"
     return f"| {variant.name} | {name} | {variant.start} | {errors} | {home} of {len(results)} | {counts} |{focal}"
 
 
 def header(group: str) -> str:
-    focal = " focal error, % |" if group == "lens" else ""
+    focal = " focal error, % |" if group in LENS_GROUPS else ""
     names = "| variant | scan | start | median (% depth / deg) | largest | home | trusted / check / failed |"
     return f"\n### {group}\n\n{names}{focal}\n" + "|---" * (8 if focal else 7) + "|"
 
