@@ -75,12 +75,7 @@ class Beat:
                 if self._depth == 0:
                     self._own += time.perf_counter() - start
 
-        def two(a, b):
-            return timed(a, b)
-
-        def three(a, b, c):
-            return timed(a, b, c)
-
+        two, three = (lambda a, b: timed(*(a, b))), (lambda a, b, c: timed(*(a, b, c)))
         return {2: two, 3: three}.get(function.__code__.co_argcount, timed)  # Blender counts the parameters of what it calls
 
     def _tick(self) -> float:
@@ -110,17 +105,20 @@ class Beat:
         return f"{1000 * largest:.0f} | {1000 * own:.0f}"
 
 
+def view3d():
+    area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
+    return area, area.spaces.active
+
+
 def in_view(operator, *args, **kwargs):
-    window = bpy.context.window_manager.windows[0]
-    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+    window, (area, _) = bpy.context.window_manager.windows[0], view3d()
     region = next(r for r in area.regions if r.type == "WINDOW")
     with bpy.context.temp_override(window=window, area=area, region=region):
         return operator(*args, **kwargs)
 
 
 def escape() -> None:
-    window = bpy.context.window_manager.windows[0]
-    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+    window, (area, _) = bpy.context.window_manager.windows[0], view3d()
     x, y = area.x + area.width // 3, area.y + area.height // 3
     window.event_simulate(type="MOUSEMOVE", value="NOTHING", x=x, y=y)
     for value in ("PRESS", "RELEASE"):
@@ -173,11 +171,6 @@ def large_scan(folder: Path) -> Path:
     sh[:, : scene.sh.shape[1]] = np.repeat(scene.sh, COPIES, axis=0)
     module("core.splats.ply").write_ply(folder / "large.ply", replace(scene, sh=sh, **many))
     return folder / "large.ply"
-
-
-def view3d():
-    area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
-    return area, area.spaces.active
 
 
 def open_panel(category: str) -> Iterator[float]:

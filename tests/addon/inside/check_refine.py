@@ -286,7 +286,8 @@ def test_what_is_edited_while_it_is_copied_is_refused(bpy, scene, extension, cop
         advance(copying)
 
 
-def test_a_job_whose_splat_is_edited_while_it_is_copied_changes_nothing(bpy, scene, job, extension):
+def test_a_job_whose_splat_is_edited_while_it_is_copied_changes_nothing(bpy, scene, job, extension, monkeypatch):
+    monkeypatch.setattr(extension("gssmc_addon.job"), "COPY_S", -1.0)  # one attribute per tick, as in a large scan
     before = counts(bpy), state(scene)
     job.tick()
     assert job.step == "Copying the splat"
