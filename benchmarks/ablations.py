@@ -3,8 +3,9 @@
     .venv/bin/python benchmarks/ablations.py [--plot benchmarks/iterations.png] [--workers N] [--only NAME ...]
 
 Groups: stages (no multi-view, no epipolar, every last stage), candidates (L = 1 .. 12), perturbation (size of the fan),
-iterations (the error after each one, as the plot), lens (a focal length 25 % off), distortion (nobody told of it). Needs the scans in ../shared/scenes; errors
-are per cent of the scan's median depth and degrees. Seconds are real_scenes.py's: two processes here share the machine.
+iterations (the error after each one, as the plot), lens (a focal length 25 % off), distortion (nobody told of it). Needs the
+scans in ../shared/scenes; errors are per cent of the scan's median depth and degrees. Seconds are real_scenes.py's: two
+processes here share the machine.
 """
 
 from __future__ import annotations
