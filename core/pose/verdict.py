@@ -30,7 +30,7 @@ TRUSTED_DISAGREEMENT = 0.5  # per cent of the median depth
 TRUSTED_DISAGREEMENT_DEG = 0.4
 TRUSTED_STD = 0.5  # per cent of the median depth; twice what the fit itself says, see solution.SHARED_ERROR
 TRUSTED_FOCAL_STD = 1.0  # per cent
-TRUSTED_LENS_GAIN = 25.0  # per cent; on two scans up to 24 with the right lens, from 25 on without its distortion
+TRUSTED_LENS_GAIN = 32.0  # per cent; on two scans up to 29 with the right lens, 27 to 59 without its distortion
 
 
 def assess(solution: Solution, views: Sequence[ViewMatches], seen: FinalView, camera: Intrinsics, depth: float) -> PoseQuality:
