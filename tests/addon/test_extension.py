@@ -14,10 +14,9 @@ HERE = Path(__file__).parent
 REPO = HERE.parents[1]
 CHECKS = sorted((HERE / "inside").glob("check_*.py"))
 LIMIT_S = 240
-# Blender 4.5 LTS, set up by `scripts/setup.sh --all`. It is spared the examples of docs/, the longest check, which call no
-# operator that the others do not (check_operators sees to that).
+# Blender 4.5 LTS, set up by `scripts/setup.sh --all`. It is spared the examples of docs/ and the real scan, the longest checks,
+# which call no operator that the others do not (check_operators sees to that).
 PYTHON_45 = REPO / ".venv45" / "bin" / "python"
-# docs' examples and the real scan are left to 5.2: long, and of the engine more than of Blender
 CHECKS_45 = [check for check in CHECKS if check.stem not in ("check_docs", "check_fox")]
 
 pytest.importorskip("bpy", reason="ring 2 needs Blender as a Python module (bpy)")
