@@ -18,6 +18,11 @@ def camera_of(scene: bpy.types.Scene, entry: GssmcPhoto) -> bpy.types.Object | N
     return entry.camera if entry.camera and entry.camera.name in scene.objects else None
 
 
+def cameras(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The cameras of the list's photos, in its order."""
+    return [camera for camera in (camera_of(scene, entry) for entry in scene.gssmc.photos) if camera]
+
+
 def title(entry: GssmcPhoto) -> str:
     return entry.camera.name if entry.camera else entry.file
 
@@ -46,8 +51,7 @@ def note_unreadable(scene: bpy.types.Scene, name: str, message: str) -> GssmcPho
 
 def files(scene: bpy.types.Scene) -> set[str]:
     """The files of the photos that are on the list with a camera."""
-    cameras = [c for c in (camera_of(scene, entry) for entry in scene.gssmc.photos) if c]
-    images = [image for image in map(photo_image.camera_photo, cameras) if image]
+    images = [image for image in map(photo_image.camera_photo, cameras(scene)) if image]
     return {photo_image.photo_file(image) for image in images}
 
 

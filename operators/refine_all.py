@@ -34,7 +34,7 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not any(photo_list.camera_of(context.scene, entry) for entry in context.scene.gssmc.photos):
+        if not photo_list.cameras(context.scene):
             cls.poll_message_set("There are no photos on the list; use Add Photos first")
             return False
         return super().poll(context)

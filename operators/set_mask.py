@@ -57,7 +57,7 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
 
     @classmethod
     def poll(cls, context):
-        if not any(photo_list.camera_of(context.scene, entry) for entry in context.scene.gssmc.photos):
+        if not photo_list.cameras(context.scene):
             cls.poll_message_set("There are no photos on the list; use Add Photos first")
             return False
         return True
@@ -65,7 +65,7 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
     def run(self, context):
         """Sizes are checked when a photo is refined: reading all of them takes minutes."""
         scene, folder = context.scene, Path(bpy.path.abspath(self.directory))
-        cameras = [c for c in (photo_list.camera_of(scene, entry) for entry in scene.gssmc.photos) if c]
+        cameras = photo_list.cameras(scene)
         images = [(camera, photo_image.camera_photo(camera)) for camera in cameras]
         found = [(c, find_mask(folder, Path(photo_image.photo_file(i) or i.name))) for c, i in images if i]
         masks = [(camera, _load(str(file))) for camera, file in found if file]

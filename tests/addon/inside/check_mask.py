@@ -26,19 +26,6 @@ def kept(size=SIZE):
     return white
 
 
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    return rooms.photos(tmp_path_factory.mktemp("room"))
-
-
-@pytest.fixture
-def listed(bpy, place):
-    room, _, starts = place
-    bpy.ops.gssmc.import_splats(filepath=str(room.scene))
-    bpy.ops.gssmc.add_photo_folder(directory=str(room.folder / "photos"), camera_file=str(starts))
-    return bpy.context.scene
-
-
 def read_for_refine(extension, scene, camera):
     """The photo as Refine would take it."""
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)

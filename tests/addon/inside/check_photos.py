@@ -8,20 +8,6 @@ from samples import counts, write_photo
 from core.camera import pose_error
 
 
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    return rooms.photos(tmp_path_factory.mktemp("room"))
-
-
-@pytest.fixture
-def listed(bpy, place):
-    """The room with its three photos on the list."""
-    room, _, starts = place
-    bpy.ops.gssmc.import_splats(filepath=str(room.scene))
-    assert bpy.ops.gssmc.add_photo_folder(directory=str(room.folder / "photos"), camera_file=str(starts)) == {"FINISHED"}
-    return bpy.context.scene
-
-
 def matrices(scene):
     return {o.name: [x for row in o.matrix_world for x in row] for o in scene.objects if o.type == "CAMERA"}
 

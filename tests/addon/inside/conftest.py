@@ -4,6 +4,7 @@ import os
 import sys
 
 import pytest
+import rooms
 from samples import random_gaussians, write_photo, write_ply
 
 MODULE = "bl_ext.user_default.gssmc"
@@ -49,4 +50,18 @@ def scene(bpy, tmp_path, splat_file):
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
     bpy.context.scene.camera.location = (0, 0, 6)
     bpy.context.view_layer.update()
+    return bpy.context.scene
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    return rooms.photos(tmp_path_factory.mktemp("room"))
+
+
+@pytest.fixture
+def listed(bpy, place):
+    """The room with its three photos on the list."""
+    room, _, starts = place
+    bpy.ops.gssmc.import_splats(filepath=str(room.scene))
+    assert bpy.ops.gssmc.add_photo_folder(directory=str(room.folder / "photos"), camera_file=str(starts)) == {"FINISHED"}
     return bpy.context.scene
