@@ -161,6 +161,16 @@ class Pose:
         object.__setattr__(self, "R", R)
         object.__setattr__(self, "t", t)
 
+    @classmethod
+    def as_it_is(cls, R: FloatArray, t: FloatArray) -> Pose:
+        """A pose from the R and t of another one, to the last bit, where making it orthonormal again might turn that."""
+        pose = cls()
+        R, t = R.copy(), t.copy()
+        R.flags.writeable = t.flags.writeable = False
+        object.__setattr__(pose, "R", R)
+        object.__setattr__(pose, "t", t)
+        return pose
+
     @property
     def centre(self) -> FloatArray:
         """Camera centre in the world, (3,): c = -R^T t."""

@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO
+from typing import cast
 
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
 NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # Windows would open a console beside Blender
+
+
+def pipes() -> tuple[io.BufferedIOBase, io.BufferedIOBase]:
+    """In the child: where the requests come from and where the answers go. Ctrl-C reaches the whole group of processes; it is
+    left to the parent to decide when to end us.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # whatever a library prints must not get between the answers
+    return os.fdopen(os.dup(0), "rb"), answers
 
 
 class Child:
@@ -33,14 +46,12 @@ class Child:
         )
 
     @property
-    def stdin(self) -> IO[bytes]:
-        assert self._process.stdin is not None
-        return self._process.stdin
+    def stdin(self) -> io.BufferedIOBase:
+        return cast(io.BufferedIOBase, self._process.stdin)
 
     @property
-    def stdout(self) -> IO[bytes]:
-        assert self._process.stdout is not None
-        return self._process.stdout
+    def stdout(self) -> io.BufferedIOBase:
+        return cast(io.BufferedIOBase, self._process.stdout)
 
     def exit_code(self, timeout_s: float = 0.0) -> int | None:
         """Negative when a signal ended it; None when it still runs after `timeout_s`."""

@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any
 
-from ..child import Child
+from ..child import ONE_THREAD, Child
 from ..errors import GssmcError, RefineError, SplatFormatError
 
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
 POLL_S = 0.2
 
 Record = dict[str, Any]

@@ -8,15 +8,15 @@ The first line it gets is {"scene", "settings"}, answered by {"dropped": n} or {
 from __future__ import annotations
 
 import json
-import os
-import signal
 import sys
+from io import BufferedIOBase
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import cv2
 
 from ..camera_files import camera_from_dict
+from ..child import pipes
 from ..errors import GssmcError
 from ..pose.settings import RefineSettings
 from ..render import Renderer, RenderSettings
@@ -27,11 +27,9 @@ from .refine_one import refine_photo
 
 def main() -> int:
     """Serve jobs from stdin on stdout."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides when to end us
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # whatever a library prints must not get between the answers
+    jobs, answers = pipes()
     cv2.setNumThreads(1)
-    first = json.loads(sys.stdin.readline())
+    first = json.loads(jobs.readline())
     try:
         scene = read_splats(first["scene"])
     except GssmcError as error:
@@ -40,7 +38,7 @@ def main() -> int:
     renderer, settings = Renderer(scene, RenderSettings.for_scene(scene, threads=1)), RefineSettings(**first["settings"])
     _answer(answers, {"dropped": scene.dropped})
     del scene
-    for line in sys.stdin:
+    for line in jobs:
         job = json.loads(line)
         mask = Path(job["mask"]) if job.get("mask") else None
         _answer(answers, refine_record(renderer, settings, job["camera"], Path(job["photo"]), mask))
@@ -60,8 +58,8 @@ def refine_record(
         return error_to_dict(camera, "The photo does not fit into memory beside the scan; use fewer --workers.")
 
 
-def _answer(answers: IO[str], data: dict[str, Any]) -> None:
-    answers.write(json.dumps(data) + "\n")
+def _answer(answers: BufferedIOBase, data: dict[str, Any]) -> None:
+    answers.write(json.dumps(data).encode() + b"\n")
     answers.flush()
 
 

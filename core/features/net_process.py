@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ..child import Child
 from ..errors import FeatureError
+from ..wire import Arrays, Header, WireError, receive, send
 from .types import Features, Grey, Mask, Matches, no_features, no_matches
-from .wire import Arrays, Header, WireError, pack_features, receive, send, unpack_features, unpack_matches
+from .wire import pack_features, unpack_features, unpack_matches
 
 log = logging.getLogger(__name__)
 

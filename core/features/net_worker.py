@@ -9,30 +9,29 @@ from __future__ import annotations
 
 import os
 import queue
-import signal
 import sys
 import threading
+from io import BufferedIOBase
 from pathlib import Path
-from typing import IO
 
 import cv2
 import numpy as np
 
+from ..child import pipes
 from ..errors import FeatureError
+from ..wire import Arrays, Header, WireError, receive, send
 from .registry import EXTRACTORS, MATCHERS
 from .types import Extractor, Matcher
-from .wire import Arrays, Header, WireError, pack_features, receive, send, unpack_features
+from .wire import pack_features, unpack_features
 
 Message = tuple[Header, Arrays]
 
 
 def main() -> int:
     """Serve requests from stdin on stdout."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides when to end us
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever a library prints must not get between the answers
+    asked, answers = pipes()
     requests: queue.SimpleQueue[Message] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(sys.stdin.buffer, requests), daemon=True).start()
+    threading.Thread(target=_listen, args=(asked, requests), daemon=True).start()
     first, _ = requests.get()
     cv2.setNumThreads(int(first["threads"]) or os.cpu_count() or 1)
     extractor = EXTRACTORS[first["extractor"]].make(Path(first["model"])) if first["extractor"] else None
@@ -42,7 +41,7 @@ def main() -> int:
         send(answers, header, arrays)
 
 
-def _listen(stream: IO[bytes], requests: queue.SimpleQueue[Message]) -> None:
+def _listen(stream: BufferedIOBase, requests: queue.SimpleQueue[Message]) -> None:
     """Passes requests on; the end of the input ends the process even in the middle of a network that never comes back."""
     try:
         while (message := receive(stream)) is not None:

@@ -1,69 +1,11 @@
-"""Messages between us and the process that runs foreign networks: one JSON line, then the bytes of the arrays it announces.
-
-No pickle: a network that has taken over its process must not get further than wrong numbers.
-"""
+"""Features and matches as messages between us and the process that runs foreign networks."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from typing import IO, Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from ..wire import Arrays, Header, WireError
 from .types import Features, Matches
-
-DTYPES = frozenset({"<f4", "<f8", "|u1", "<i8"})
-MAX_LINE_BYTES = 65_536
-MAX_ARRAYS = 8
-MAX_ARRAY_BYTES = 1 << 30
-
-Header = dict[str, Any]
-Arrays = list[NDArray[Any]]
-
-
-class WireError(Exception):
-    """What came is no message."""
-
-
-def send(stream: IO[bytes], header: Header, arrays: Sequence[NDArray[Any]] = ()) -> None:
-    """Write one message. Raises OSError or ValueError when the other side is gone."""
-    plain = [np.ascontiguousarray(a, a.dtype.newbyteorder("<")) for a in arrays]
-    shapes = [[a.dtype.str, list(a.shape)] for a in plain]
-    stream.write(json.dumps({**header, "arrays": shapes}).encode() + b"\n")
-    for array in plain:
-        stream.write(array.tobytes())
-    stream.flush()
-
-
-def receive(stream: IO[bytes]) -> tuple[Header, Arrays] | None:
-    """One message; None when the other side has ended. Raises WireError for anything else."""
-    line = stream.readline(MAX_LINE_BYTES)
-    if not line:
-        return None
-    try:
-        header = json.loads(line)
-        shapes = [(str(kind), tuple(int(n) for n in shape)) for kind, shape in header["arrays"]]
-    except (ValueError, KeyError, TypeError, RecursionError):
-        raise WireError("no header") from None
-    if len(shapes) > MAX_ARRAYS:
-        raise WireError("too many arrays")
-    return header, [_array(stream, kind, shape) for kind, shape in shapes]
-
-
-def _array(stream: IO[bytes], kind: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    if kind not in DTYPES or len(shape) > 3 or any(n < 0 for n in shape):
-        raise WireError("no array")
-    size = np.dtype(kind).itemsize
-    for n in shape:
-        size *= n
-    if size > MAX_ARRAY_BYTES:
-        raise WireError("too large an array")
-    data = stream.read(size)
-    if len(data) != size:
-        raise WireError("cut short")
-    return np.frombuffer(data, kind).reshape(shape)
 
 
 def pack_features(features: Features) -> tuple[Header, Arrays]:

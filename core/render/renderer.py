@@ -18,7 +18,7 @@ from .blend import CHANNELS, PIXELS, Scratch, TileImage, blend_tiles
 from .color import colors
 from .project import FEATURES, TILE, Splats, View, depth_order, project_chunk
 from .sharing import Workers
-from .tables import CHUNK, build_tables
+from .tables import CHUNK, SceneTables, build_tables
 from .tiles import Order, TileLists, bin_band, join_bands, plan_batches
 from .view import RenderedView, RenderSettings
 
@@ -37,9 +37,9 @@ def _never() -> bool:
 class Renderer:
     """Draws one scene. Precomputes what is common to all views; `render` may be called from any thread."""
 
-    def __init__(self, scene: GaussianScene, settings: RenderSettings | None = None) -> None:
+    def __init__(self, scene: GaussianScene | SceneTables, settings: RenderSettings | None = None) -> None:
         self.settings = settings or RenderSettings()
-        self._tables = build_tables(scene)
+        self._tables = scene if isinstance(scene, SceneTables) else build_tables(scene)
         self._scratches: list[Scratch] = []
         self._rooms: list[Splats] = []
 

@@ -13,6 +13,7 @@ from .color import color_polynomials
 
 Float32Array = NDArray[np.float32]
 
+ROWS = 15  # without the colours
 CHUNK = 1 << 15  # most Gaussians per work item: a dozen float32 columns of it stay in the cache
 
 CUT_MARGIN = 2e-3  # so that rounding in the ellipse's edge never loses a pixel whose alpha reaches 1/255
@@ -25,17 +26,31 @@ class SceneTables:
     origin (3,) float64: added to `means` (3, N) float32 gives world coordinates. body (11, N), gathered at once: row 3 i + j
     is world axis i of scaled Gaussian axis j, then log opacity, then the cut 2 ln(255 opacity), the squared Mahalanobis radius
     at which alpha is 1/255. reach (N,): sqrt(cut) times the largest scale, scene units. color (K, 3, N): RGB as a polynomial
-    of the unit direction, see `color.py`.
+    of the unit direction, see `color.py`. All of these are rows of `block` (ROWS + 3 K, N), so that they can lie in one file.
     """
 
     origin: NDArray[np.float64]
-    means: Float32Array
-    body: Float32Array
-    reach: Float32Array
-    color: Float32Array
+    block: Float32Array
+
+    @property
+    def means(self) -> Float32Array:
+        return self.block[:3]
+
+    @property
+    def body(self) -> Float32Array:
+        return self.block[3:14]
+
+    @property
+    def reach(self) -> Float32Array:
+        row: Float32Array = self.block[14]
+        return row
+
+    @property
+    def color(self) -> Float32Array:
+        return self.block[ROWS:].reshape((len(self.block) - ROWS) // 3, 3, len(self))
 
     def __len__(self) -> int:
-        return int(self.means.shape[1])
+        return int(self.block.shape[1])
 
 
 def build_tables(scene: GaussianScene) -> SceneTables:
@@ -44,13 +59,7 @@ def build_tables(scene: GaussianScene) -> SceneTables:
     n = len(keep)
     means = scene.means[keep]
     origin = np.median(means, axis=0).astype(np.float64) if n else np.zeros(3)
-    tables = SceneTables(
-        origin=origin,
-        means=np.empty((3, n), np.float32),
-        body=np.empty((11, n), np.float32),
-        reach=np.empty(n, np.float32),
-        color=np.empty((scene.sh.shape[1], 3, n), np.float32),
-    )
+    tables = SceneTables(origin, np.empty((ROWS + 3 * scene.sh.shape[1], n), np.float32))
     for a in range(0, n, CHUNK):
         part = slice(a, a + CHUNK)
         _fill(tables, scene, keep[part], part)

@@ -22,7 +22,8 @@ from core.features.lightglue import LightGlue
 from core.features.net_process import NetProcess, Nets, RemoteExtractor, RemoteMatcher
 from core.features.superpoint import SuperPoint
 from core.features.types import Features
-from core.features.wire import WireError, receive, send, unpack_features, unpack_matches
+from core.features.wire import unpack_features, unpack_matches
+from core.wire import WireError, receive, send
 
 
 def alive(pid):
