@@ -25,7 +25,7 @@ from core.photo import read_photo
 from core.pose.refine import refine
 from core.pose.report import RefineReport
 from core.pose.settings import RefineSettings
-from core.render import Renderer, RenderSettings
+from core.render import ProcessRenderer, Renderer, RenderSettings
 from core.splats import read_splats
 from core.splats.scene import GaussianScene
 from core.synthetic import perturb_camera
@@ -52,7 +52,7 @@ def start_camera(truth: Camera, depth: float, ratio: float, degrees: float, seed
 
 @dataclass(frozen=True)
 class Scan:
-    """A scan: Gaussians, renderer on one thread (a refinement draws its views side by side), held-out cameras, median depth."""
+    """A scan: Gaussians, renderer on one thread, held-out cameras, median depth."""
 
     name: str
     scene: GaussianScene
@@ -70,13 +70,14 @@ class Scan:
 
 def run_scene(name: str, start: str, settings: RefineSettings, seeds: int) -> list[Trial]:
     scan, trials = Scan.load(name), []
-    for index, truth in enumerate(scan.cameras):
-        photo = read_photo(SCENES / name / truth.file)
-        for seed in range(seeds):
-            camera = start_camera(truth, scan.depth, *STARTS[start], seed=index + 100 * seed)
-            report = refine(scan.renderer, photo, camera, replace(settings, seed=seed))
-            distance, degrees = pose_error(report.camera.pose, truth.pose)
-            trials.append(Trial(Path(truth.file).stem, 100 * distance / scan.depth, degrees, report))
+    with ProcessRenderer(scan.scene, RenderSettings(threads=settings.threads)) as renderer:
+        for index, truth in enumerate(scan.cameras):
+            photo = read_photo(SCENES / name / truth.file)
+            for seed in range(seeds):
+                camera = start_camera(truth, scan.depth, *STARTS[start], seed=index + 100 * seed)
+                report = refine(renderer, photo, camera, replace(settings, seed=seed))
+                distance, degrees = pose_error(report.camera.pose, truth.pose)
+                trials.append(Trial(Path(truth.file).stem, 100 * distance / scan.depth, degrees, report))
     return trials
 
 
@@ -122,7 +123,8 @@ def main() -> int:
                 dump.append([scene, start, t.name, t.distance, t.degrees, t.report.verdict, t.report.seconds])
                 if args.verbose:
                     print("  ", t.name, f"{t.distance:.3f} % {t.degrees:.3f} deg", t.report.verdict, *t.report.reasons)
-    print(f"\npeak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
+    own, other = (resource.getrusage(who).ru_maxrss / 1e6 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    print(f"\npeak memory {own:.2f} GB, and {other:.2f} GB of the largest process that drew views for it")
     if args.json:
         args.json.write_text(json.dumps(dump, indent=1))
     return 0

@@ -10,11 +10,13 @@ import os
 from pathlib import Path
 
 from .errors import GssmcError
+from .render.process_renderer import MAX_PROCESSES
 
 BASE_BYTES = 450_000_000  # numpy, OpenCV, SciPy, the features of all views
 FLOATS_WITHOUT_SH = 11  # mean, scale, rotation, opacity
+PROCESS_BYTES = 100_000_000  # for each process more that draws views: Python, numpy, OpenCV, one view
 RENDER_BYTES = 400  # for each Gaussian and view drawn at a time: projected, sorted, binned into tiles
-COPIES = 3  # of the scene: Blender's, ours, and the one being assembled
+COPIES = 3  # of the scene: Blender's, ours, and the one being assembled (later the one that the processes share)
 PIXEL_BYTES = 60  # for each pixel of a photo, decoded and being reduced
 
 
@@ -33,8 +35,9 @@ def machine_bytes() -> int:
 def refine_bytes(gaussians: int, sh_coefficients: int, photo_pixels: int, threads: int) -> int:
     """What a refinement takes at its peak. `threads`: views drawn side by side, 0 = one per core."""
     scene = 4 * (FLOATS_WITHOUT_SH + 3 * sh_coefficients) * gaussians
-    views = threads or os.cpu_count() or 1
-    return BASE_BYTES + COPIES * scene + RENDER_BYTES * gaussians * views + PIXEL_BYTES * photo_pixels
+    views = min(threads or os.cpu_count() or 1, MAX_PROCESSES)
+    each = PROCESS_BYTES + RENDER_BYTES * gaussians
+    return BASE_BYTES - PROCESS_BYTES + COPIES * scene + each * views + PIXEL_BYTES * photo_pixels
 
 
 def import_bytes(file: Path) -> int:

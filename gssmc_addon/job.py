@@ -67,6 +67,10 @@ class Job:
                 self.join(TICK_S)
         finally:
             self.cancel()
+            self.close()
+
+    def close(self) -> None:
+        """The job has ended, one way or another: lets go of what is more than memory."""
 
     def cancel(self) -> None:
         """Stops the job without waiting; its thread ends by itself at its next step."""

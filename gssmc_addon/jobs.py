@@ -77,6 +77,9 @@ class RefineJob(Job):
     def check(self) -> None:
         self.targets.find()
 
+    def close(self) -> None:
+        self.inputs.splat.close()
+
     def note(self, news: RefineProgress) -> None:
         self.fraction, self.step = news.fraction, news.step
         self.detail = iface_("Iteration {number} of {count}", number=max(news.iteration, 1), count=news.iterations)
@@ -105,7 +108,7 @@ def gather(
     source = mask_source.masked(plate_source.source_at(scene, camera, photo), mask_source.of(camera))
     _check_memory(splat, photo, settings)
     copying = None if renderer else SplatCopying(splat)
-    inputs = RefineInputs(renderer or SplatRenderer(copying), source, copy, settings)
+    inputs = RefineInputs(renderer or SplatRenderer(copying, settings.threads), source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs, copying)
 
 
@@ -163,7 +166,8 @@ def begin(context: bpy.types.Context, job: Job) -> None:
 
 
 def end(job: Job) -> None:
-    """Forgets `job` and stops its timer; harmless when that was done already."""
+    """Closes and forgets `job` and stops its timer; harmless when that was done already."""
+    job.close()
     if _slot.job is not job:
         return
     if _slot.timer is not None:

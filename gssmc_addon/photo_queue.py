@@ -103,8 +103,11 @@ class RefineQueue(QueueJob):
         self.failed: list[tuple[str, str]] = []
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._cameras = [(entry.camera.session_uid, entry.camera.name) for entry in entries]
-        self._renderer = SplatRenderer(copying)
+        self._renderer = SplatRenderer(copying, settings.threads)
         self._targets: jobs.Targets | None = None
+
+    def close(self) -> None:
+        self._renderer.close()
 
     def check(self) -> None:
         scene = jobs.by_uid(bpy.data.scenes, self._scene)

@@ -143,7 +143,7 @@ def gather(
     kept = preview_images.packed_pair(key)
     needed = kept is None or options.style == "MATCHES"
     copying = SplatCopying(splat) if needed else None
-    renderer = SplatRenderer(copying, threads=0) if copying else None
+    renderer = SplatRenderer(copying, single=True) if copying else None
     if options.style == "MATCHES":  # the mask is nothing to see in the others
         source = mask_source.masked(source, mask_source.of(camera))
     return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key), copying)

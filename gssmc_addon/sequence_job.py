@@ -60,7 +60,7 @@ class SequenceJob(QueueJob):
         self._uids = scene.session_uid, splat.session_uid, camera.session_uid
         self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
-        self._renderer = SplatRenderer(copying)
+        self._renderer = SplatRenderer(copying, settings.threads)
 
     def find(self) -> tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Object]:
         """The live scene, splat and camera. Raises RefineError when something is gone."""
@@ -72,6 +72,9 @@ class SequenceJob(QueueJob):
 
     def check(self) -> None:
         self.find()
+
+    def close(self) -> None:
+        self._renderer.close()
 
     def begin_item(self, index: int) -> Callable[[], Steps]:
         frame = self.order[index]

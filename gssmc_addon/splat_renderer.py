@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from ..core.render import Renderer, RenderSettings
+import threading
+
+from ..core.render import ProcessRenderer, Renderer, RenderSettings
 from .splat_copy import SplatCopying
 
 
@@ -10,18 +12,33 @@ class SplatRenderer:
     """Makes the renderer when it is first asked for, in whichever thread that is, and lets the splat's copy go. It must be
     complete by then.
 
-    `threads`: of one view, 0 = one per core. A refinement draws its views side by side and wants 1.
+    `threads`, 0 = one per core: of a refinement, which draws its views side by side in processes of their own (and leaves
+    Blender its interpreter), or of a `single` view at a time, whose rendering can be stopped.
     """
 
-    def __init__(self, copying: SplatCopying, threads: int = 1) -> None:
+    def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False) -> None:
         self._copying: SplatCopying | None = copying
-        self._threads = threads
-        self._renderer: Renderer | None = None
+        self._threads, self._single = threads, single
+        self._renderer: Renderer | ProcessRenderer | None = None
+        self._closed = False
+        self._lock = threading.Lock()
 
-    def get(self) -> Renderer:
+    def get(self) -> Renderer | ProcessRenderer:
         """The renderer. Raises SplatFormatError, as `SplatCopy.assemble`. One thread at a time."""
         if self._renderer is None:
             scene = self._copying.copy().assemble()
-            self._renderer = Renderer(scene, RenderSettings.for_scene(scene, threads=self._threads))
+            kind = Renderer if self._single else ProcessRenderer
+            renderer = kind(scene, RenderSettings.for_scene(scene, threads=self._threads))
             self._copying = None
+            with self._lock:
+                self._renderer = renderer
+            if self._closed:
+                self.close()
         return self._renderer
+
+    def close(self) -> None:
+        """Ends the processes; a refinement that still draws ends with Cancelled. Any thread, also before `get`."""
+        with self._lock:
+            self._closed, renderer = True, self._renderer
+        if isinstance(renderer, ProcessRenderer):
+            renderer.close()

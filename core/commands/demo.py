@@ -13,7 +13,7 @@ from ..console import say
 from ..photo import read_photo
 from ..pictures import before_after, save_png
 from ..pose.report import RefineReport
-from ..render import Renderer, RenderSettings
+from ..render import ProcessRenderer, RenderSettings
 from ..results import report_to_dict
 from ..splats import read_splats
 from ..synthetic import SampleFiles, write_sample
@@ -34,12 +34,14 @@ def run(args: argparse.Namespace) -> Outcome:
     sample = write_sample(args.out)
     scene, photo = read_splats(sample.scene), read_photo(sample.photo)
     start = replace(read_cameras(sample.start)[0], file=str(sample.photo))
-    renderer = Renderer(scene, RenderSettings.for_scene(scene, threads=1))
-    with ProgressBar("Refining") as bar:
-        report = refine_photo(renderer, photo, start, settings_from(args), lambda p: bar.show(p.fraction, p.step))
-        bar.show(1.0, report.verdict)
+    settings = settings_from(args)
+    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+        with ProgressBar("Refining") as bar:
+            report = refine_photo(renderer, photo, start, settings, lambda p: bar.show(p.fraction, p.step))
+            bar.show(1.0, report.verdict)
+        picture = before_after(renderer, photo, start, report.camera)
     (args.out / "result.json").write_text(json.dumps(report_to_dict(report), indent=1) + "\n")
-    save_png(str(args.out / "before_after.png"), before_after(renderer, photo, start, report.camera))
+    save_png(str(args.out / "before_after.png"), picture)
     say(f"{len(scene)} Gaussians, photo {photo.width} x {photo.height}; files are in {args.out}")
     say(errors(sample, start, report))
     return Outcome(

@@ -16,7 +16,7 @@ from ..lens_guess import guess_lens
 from ..photo import Photo, read_photo
 from ..photo_mask import find_mask, masked
 from ..pose.report import RefineReport
-from ..render import Renderer, RenderSettings
+from ..render import ProcessRenderer, RenderSettings
 from ..results import report_to_dict
 from ..splats import read_splats
 from .flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
@@ -50,8 +50,8 @@ def run(args: argparse.Namespace) -> Outcome:
     camera = start_camera(pick_start(args.camera, args.photo), photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
-    renderer = Renderer(scene, RenderSettings.for_scene(scene, threads=1))  # the refinement draws its views side by side
-    with ProgressBar("Refining") as bar:
+    side_by_side = RenderSettings.for_scene(scene, settings.threads)
+    with ProcessRenderer(scene, side_by_side) as renderer, ProgressBar("Refining") as bar:
         report = refine_photo(renderer, photo, camera, settings, lambda p: bar.show(p.fraction, p.step))
         bar.show(1.0, report.verdict)
     text = json.dumps(report_to_dict(report), indent=1)

@@ -12,11 +12,11 @@ from ..photo_mask import masked
 from ..pose.refine import refine
 from ..pose.report import RefineProgress, RefineReport
 from ..pose.settings import RefineSettings
-from ..render import Renderer
+from ..render.view import ViewRenderer
 
 
 def refine_photo(
-    renderer: Renderer,
+    renderer: ViewRenderer,
     photo: Photo | Path,
     camera: Camera,
     settings: RefineSettings,

@@ -60,8 +60,8 @@ def test_a_held_camera_says_so_and_none_refined_is_cancelled(bpy, listed):
 def test_the_renderer_is_made_once(bpy, listed, extension, monkeypatch):
     made = []
     module = extension("gssmc_addon.splat_renderer")
-    original = module.Renderer
-    monkeypatch.setattr(module, "Renderer", lambda *args: made.append(args) or original(*args))
+    original = module.ProcessRenderer
+    monkeypatch.setattr(module, "ProcessRenderer", lambda *args: made.append(args) or original(*args))
     listed.gssmc.photos[2].ticked = False
     bpy.ops.gssmc.refine_all(which="TICKED", **{**rooms.QUICK, "iterations": 1, "candidates": 1})
     assert len(made) == 1
