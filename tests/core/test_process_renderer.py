@@ -1,0 +1,182 @@
+"""Views drawn in other processes: the same to the bit, whatever becomes of the processes, and nothing left behind."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.camera import Intrinsics, Pose
+from core.child import Child
+from core.errors import Cancelled
+from core.lie import se3_exp
+from core.render import ProcessRenderer, RenderedView, Renderer, RenderSettings
+
+from .render_scenes import cloud, make_scene
+
+CAMERA = Intrinsics(61, 43, 50.0, 55.0, 28.0, 24.0)
+SETTINGS = RenderSettings(threads=3)
+LIMIT_S = 60.0
+
+
+class Starter:
+    """Starts children and remembers them; `fails` as a system without processes to give would."""
+
+    def __init__(self, fails: bool = False) -> None:
+        self.children: list[Child] = []
+        self.fails = fails
+
+    def __call__(self, module: str, environment: Mapping[str, str]) -> Child:
+        if self.fails:
+            raise OSError("no more processes")
+        self.children.append(Child(module, environment))
+        return self.children[-1]
+
+    def ended(self) -> bool:
+        return all(child.exit_code() is not None for child in self.children)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where the shared files go."""
+    (tmp_path / "shared").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "shared"))
+    return tmp_path / "shared"
+
+
+@pytest.fixture
+def scene():
+    return make_scene(*cloud())
+
+
+def poses(count: int) -> list[Pose]:
+    rng = np.random.default_rng(3)
+    return [se3_exp(0.1 * rng.normal(size=6)) for _ in range(count)]
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + LIMIT_S
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def ready(renderer: ProcessRenderer, count: int) -> Callable[[], bool]:
+    return lambda: len(renderer._team._ready) == count
+
+
+@pytest.fixture
+def started(scene) -> Iterator[tuple[ProcessRenderer, Starter]]:
+    """A renderer whose two other processes are ready to draw."""
+    starter = Starter()
+    with ProcessRenderer(scene, SETTINGS, starter) as renderer:
+        renderer.render(CAMERA, Pose())
+        wait_for(ready(renderer, 2))
+        yield renderer, starter
+
+
+def same(a: RenderedView, b: RenderedView) -> bool:
+    return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in ("color", "depth", "alpha", "depth_variance"))
+
+
+def test_views_are_those_of_one_process_to_the_bit(scene, started):
+    alone = Renderer(scene, RenderSettings(threads=1))
+    wanted = poses(12)
+    with ThreadPoolExecutor(5) as pool:  # more at once than there are processes
+        found = list(pool.map(lambda pose: started[0].render(CAMERA, pose), wanted))
+    assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, wanted, strict=True))
+    assert found[0].alpha.max() > 0.5
+    assert not same(found[0], found[1])
+
+
+def test_a_process_that_dies_costs_no_view(scene, started, caplog):
+    renderer, starter = started
+    with caplog.at_level(logging.WARNING):
+        starter.children[0]._process.kill()
+        starter.children[0]._process.wait()
+        found = [renderer.render(CAMERA, pose) for pose in poses(4)]
+    alone = Renderer(scene, RenderSettings(threads=1))
+    assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, poses(4), strict=True))
+    assert "has ended" in caplog.text
+    assert ready(renderer, 1)()
+
+
+@pytest.mark.parametrize("missing", ["processes", "folder"])
+def test_without_processes_views_are_drawn_here(scene, folder, monkeypatch, missing):
+    if missing == "folder":
+        monkeypatch.setattr(tempfile, "tempdir", str(folder / "none"))
+    starter = Starter(fails=missing == "processes")
+    with ProcessRenderer(scene, SETTINGS, starter) as renderer, ThreadPoolExecutor(3) as pool:
+        found = list(pool.map(lambda pose: renderer.render(CAMERA, pose), poses(6)))
+    alone = Renderer(scene, RenderSettings(threads=1))
+    assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, poses(6), strict=True))
+    assert not starter.children
+
+
+def test_nothing_is_left_behind(folder, started):
+    renderer, starter = started
+    assert list(folder.iterdir())
+    renderer.close()
+    assert starter.ended()
+    assert not list(folder.iterdir())
+    with pytest.raises(Cancelled):
+        renderer.render(CAMERA, Pose())
+    renderer.close()
+
+
+def test_nothing_is_left_behind_by_one_that_is_forgotten(scene, folder):
+    starter = Starter()
+    renderer = ProcessRenderer(scene, SETTINGS, starter)
+    renderer.render(CAMERA, Pose())
+    wait_for(ready(renderer, 2))
+    del renderer
+    gc.collect()
+    assert starter.ended()
+    assert not list(folder.iterdir())
+
+
+def test_closing_ends_views_that_are_being_drawn(started):
+    renderer, starter = started
+    large, ended = Intrinsics(6000, 4000, 5000.0, 5000.0, 3000.0, 2000.0), []
+
+    def draw() -> None:
+        try:
+            renderer.render(large, Pose())
+        except Cancelled:
+            ended.append(True)
+
+    threads = [threading.Thread(target=draw) for _ in starter.children]
+    for thread in threads:
+        thread.start()
+    wait_for(ready(renderer, 0))
+    renderer.close()
+    for thread in threads:
+        thread.join(LIMIT_S)
+    assert ended == [True] * len(threads)
+    assert starter.ended()
+
+
+def test_one_closed_while_its_processes_start_leaves_none(scene):
+    starter = Starter()
+    renderer = ProcessRenderer(scene, SETTINGS, starter)
+    renderer.render(CAMERA, Pose())
+    renderer.close()
+    wait_for(lambda: not any(t.name == "gssmc-start" for t in threading.enumerate()))
+    assert starter.ended()
+
+
+def test_one_thread_needs_no_process_and_an_empty_scene_none(scene):
+    starter = Starter()
+    for what, threads in ((scene, 1), (make_scene(*(a[:0] for a in cloud())), 3)):
+        with ProcessRenderer(what, RenderSettings(threads=threads), starter) as renderer:
+            view = renderer.render(CAMERA, Pose())
+            assert same(view, Renderer(what, RenderSettings(threads=1)).render(CAMERA, Pose()))
+    assert not starter.children
