@@ -40,5 +40,5 @@ class SplatRenderer:
         """Ends the processes; a refinement that still draws ends with Cancelled. Any thread, also before `get`."""
         with self._lock:
             self._closed, renderer = True, self._renderer
-        if isinstance(renderer, ProcessRenderer):
+        if renderer and not self._single:
             renderer.close()
