@@ -11,7 +11,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from ..camera import Intrinsics, Pose, pose_error
-from ..render.view import ViewRenderer
+from ..render.view import ViewRenderer, alone
 from .guided import Corners, follow, match_corners, pick_corners
 from .hypotheses import candidate_poses
 from .joint import STAGES, JointFit, JointProblem, Stage, fit_joint, held_out_px
@@ -89,7 +89,7 @@ def _pass(
 ) -> Generator[str, None, tuple[Solution, float] | None]:
     pose = camera.pose
     yield "rendering the photo's view"
-    view = renderer.render(photo.pinhole, pose)
+    view = alone(renderer).render(photo.pinhole, pose)
     corners = pick_corners(photo, pose, view)
     solid = view.alpha >= MIN_ALPHA
     depth = float(np.median(view.depth[solid])) if solid.any() else 0.0

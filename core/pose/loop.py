@@ -10,7 +10,7 @@ import numpy as np
 from ..camera import Intrinsics, Pose, pose_error
 from ..features.frontend import Frontend
 from ..features.nearest import MutualNearest
-from ..render.view import ViewRenderer
+from ..render.view import ViewRenderer, alone
 from .epipolar import EpipolarFit, measure_epipolar
 from .final import view_pool
 from .focal import refocus
@@ -139,7 +139,7 @@ class Loop:
         frontend = self.frontend if narrow else searching(self.frontend)
         count = self.settings.candidates * (1 if narrow else SEARCH_CANDIDATES) if self.settings.multiview else 0
         yield self._progress(index + 1, "rendering the reference view", index)
-        reference = observe(self.renderer, query, pose, True, frontend)
+        reference = observe(alone(self.renderer), query, pose, True, frontend)
         if reference.opaque < MIN_OPAQUE:
             return []
         poses = candidate_poses(pose, count, self._sigma(fan, reference.median_depth), fan.rotation_deg, rng)

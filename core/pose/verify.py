@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..camera import FloatArray, Pose
 from ..features.subpixel import SubpixelAligner, normalise_locally
-from ..render.view import ViewRenderer
+from ..render.view import ViewRenderer, alone
 from .observe import MIN_ALPHA, grey_of
 from .working import WorkingPhoto
 
@@ -44,7 +44,7 @@ class FinalView:
 
 def view_at(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose) -> FinalView:
     """Renders the splat at `pose` and measures how it agrees with the photo."""
-    view = renderer.render(photo.pinhole, pose)
+    view = alone(renderer).render(photo.pinhole, pose)
     return compare(photo, grey_of(view), np.asarray(view.alpha >= MIN_ALPHA))
 
 

@@ -26,6 +26,7 @@ from .view import RenderedView, RenderSettings
 log = logging.getLogger(__name__)
 
 MAX_PROCESSES = 8  # this one included; a refinement draws six or seven views at a time
+MIN_GAUSSIANS = 20_000  # a smaller scene's views are drawn before a process has come up
 Start = Callable[[str, Mapping[str, str]], Child]
 
 
@@ -33,8 +34,9 @@ class ProcessRenderer:
     """Draws one scene's views, each on one thread, in up to `settings.threads` processes: this one and others like it.
 
     `render` may be called from any thread, and from as many at once as there are processes; more wait for their turn. The
-    processes start with the first view and are taken in as they come up, until when views are drawn here. One that ends for
-    whatever reason costs nothing but its share of the speed. Views are those of `Renderer`, to the bit.
+    others are taken in as they come up, until when views are drawn here. One that ends for whatever reason costs nothing but
+    its share of the speed. Views are those of `Renderer`, to the bit. `alone` is one, for
+    views that no other is drawn beside: the threads of this process share each.
     """
 
     def __init__(self, scene: GaussianScene, settings: RenderSettings, start: Start = Child) -> None:
@@ -44,8 +46,9 @@ class ProcessRenderer:
         self._settings = RenderSettings(settings.near, threads=1)
         self._team = _Team(count, start)
         self._finish = weakref.finalize(self, _Team.close, self._team)
-        self._started = False
+        self._team.begin(self._tables, self._settings)
         self._here = Renderer(self._tables, self._settings)
+        self.alone = Renderer(self._tables, settings)
 
     def __enter__(self) -> ProcessRenderer:
         return self
@@ -59,7 +62,6 @@ class ProcessRenderer:
 
     def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
         """Render as a pinhole (distortion ignored). Raises Cancelled when this was closed."""
-        self._team.begin(self._tables, self._settings)
         while (child := self._team.take()) is not None:
             view = _ask(child, intrinsics, pose)
             if view is not None:
@@ -91,14 +93,12 @@ class _Team:
         self._all: set[Child] = set()
         self._ready: list[Child] = []
         self._changed = threading.Condition()
-        self._begun = self._closed = False
+        self._closed = False
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
     def begin(self, tables: SceneTables, settings: RenderSettings) -> None:
-        """Starts the children; once, and not for a scene without Gaussians, which no file can share."""
-        with self._changed:
-            begun, self._begun = self._begun, True
-        if begun or not self._wanted or not len(tables):
+        """Starts the children, where the scene is large enough for them to be of use."""
+        if not self._wanted or len(tables) < MIN_GAUSSIANS:
             return
         try:
             self._folder = tempfile.TemporaryDirectory(prefix="gssmc-", ignore_cleanup_errors=True)

@@ -50,3 +50,9 @@ class ViewRenderer(Protocol):
     """Anything that draws a pinhole view; what the refinement and the pictures need of a renderer."""
 
     def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView: ...
+
+
+def alone(renderer: ViewRenderer) -> ViewRenderer:
+    """What draws a view that no other is drawn beside: all threads share it, where `renderer` draws each on one."""
+    own: ViewRenderer = getattr(renderer, "alone", renderer)
+    return own

@@ -18,7 +18,8 @@ from core.camera import Intrinsics, Pose
 from core.child import Child
 from core.errors import Cancelled
 from core.lie import se3_exp
-from core.render import ProcessRenderer, RenderedView, Renderer, RenderSettings
+from core.render import ProcessRenderer, RenderedView, Renderer, RenderSettings, process_renderer
+from core.splats.scene import GaussianScene
 
 from .render_scenes import cloud, make_scene
 
@@ -53,7 +54,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def scene():
+def scene(monkeypatch: pytest.MonkeyPatch) -> GaussianScene:
+    monkeypatch.setattr(process_renderer, "MIN_GAUSSIANS", 1)
     return make_scene(*cloud())
 
 
@@ -173,9 +175,10 @@ def test_one_closed_while_its_processes_start_leaves_none(scene):
     assert starter.ended()
 
 
-def test_one_thread_needs_no_process_and_an_empty_scene_none(scene):
+def test_one_thread_needs_no_process_nor_does_a_small_or_empty_scene(scene, monkeypatch):
     starter = Starter()
-    for what, threads in ((scene, 1), (make_scene(*(a[:0] for a in cloud())), 3)):
+    monkeypatch.setattr(process_renderer, "MIN_GAUSSIANS", 201)
+    for what, threads in ((make_scene(*cloud(2000)), 1), (scene, 3), (make_scene(*(a[:0] for a in cloud())), 3)):
         with ProcessRenderer(what, RenderSettings(threads=threads), starter) as renderer:
             view = renderer.render(CAMERA, Pose())
             assert same(view, Renderer(what, RenderSettings(threads=1)).render(CAMERA, Pose()))
