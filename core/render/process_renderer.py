@@ -35,8 +35,8 @@ class ProcessRenderer:
 
     `render` may be called from any thread, and from as many at once as there are processes; more wait for their turn. The
     others are taken in as they come up, until when views are drawn here. One that ends for whatever reason costs nothing but
-    its share of the speed. Views are those of `Renderer`, to the bit. `alone` is one, for
-    views that no other is drawn beside: the threads of this process share each.
+    its share of the speed. Views are those of `Renderer`, to the bit. `alone` is one, for views that no other is drawn
+    beside: the threads of this process share each.
     """
 
     def __init__(self, scene: GaussianScene, settings: RenderSettings, start: Start = Child) -> None:
