@@ -1,7 +1,8 @@
 """How much memory a piece of work will take, roughly, so that it can be refused before it takes the machine down.
 
 The factors err on the side of too much. Peaks measured while the built-in sample was refined at several sizes (SH degree 1,
-engine alone): 12k Gaussians 0.44 GB, 300k on two threads 0.57, 1M on two threads 0.84; the estimate says 0.48, 0.79 and 1.54.
+engine alone, all processes together): 12k Gaussians on one thread 0.44 GB, 300k on two 0.71, 1M on two 1.32, on four 2.27; the
+estimate says 0.48, 0.89, 1.64 and 2.64.
 """
 
 from __future__ import annotations
