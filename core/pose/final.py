@@ -164,7 +164,7 @@ def _with_lens(fit: JointFit, problem: JointProblem, stage: Stage, depth: float,
 
 def choose(fits: dict[Stage, JointFit], held_out: JointProblem) -> Stage:
     """The joint stage, unless another one explains the held-out matches clearly better."""
-    if not held_out.views or not len(held_out.views[0]):
+    if not len(held_out.weights):
         return "joint"
     errors = {stage: held_out_px(fit.camera, held_out) for stage, fit in fits.items()}
     log.debug("held-out errors: %s", errors)

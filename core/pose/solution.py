@@ -54,7 +54,7 @@ def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics,
 def from_joint(fit: JointFit, problem: JointProblem, stage: Stage, depth: float, lens_gain: float) -> Solution:
     """A fit of the last stage as a solution."""
     apart = (float("nan"), float("nan"))
-    if len(problem.views) >= 4:
+    if len(problem.counts) >= 4:
         a, b = (fit_joint(fit.camera, problem.part(slice(i, None, 2)), stage).camera.pose for i in (0, 1))
         apart = pose_error(a, b)
     translation, rotation, focal = _deviations(fit.information / SHARED_ERROR**2, depth)
