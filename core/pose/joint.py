@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Literal, get_args
 
 import numpy as np
@@ -24,19 +24,6 @@ ROUNDS = 4  # of re-estimating deviations around the falling residuals
 CELLS = 20  # cells along the photo's long side
 CELL_CORRELATION = 0.3  # variance that matches of one cell share, as a share of a match's own
 BLOCK = 1024  # columns of one matrix product
-
-
-@dataclass(frozen=True)
-class JointFit:
-    """The fitted camera, and how well it holds.
-
-    rms_px: RMS of the residuals across the epipolar lines, outliers left out, pixels; information (6 + F, 6 + F): inverse
-    covariance of (xi, F free lens numbers).
-    """
-
-    camera: LensCamera
-    rms_px: float
-    information: FloatArray
 
 
 @dataclass(frozen=True)
@@ -67,10 +54,6 @@ class JointProblem:
         counts = np.array([len(v) for v in known], np.int64)
         return cls(Lifted.of(known, seen), density_weights(np.concatenate(seen), intrinsics), counts, prior, mode)
 
-    def with_mode(self, mode: LensMode) -> JointProblem:
-        """The same problem with other numbers of the lens free."""
-        return replace(self, mode=mode)
-
     def part(self, keep: slice) -> JointProblem:
         """The same problem on some of the views."""
         chosen = np.zeros(len(self.counts), np.bool_)
@@ -82,6 +65,37 @@ class JointProblem:
         """Robust deviation (M,), the same for all matches of a view, of the residuals `across` (M,) their lines, pixels."""
         views = np.split(across, np.cumsum(self.counts)[:-1])
         return np.repeat([robust_across_px(a) for a in views], self.counts)
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The fitted camera, and how well it holds; of which problem, by which stage.
+
+    rms_px: RMS of the residuals across the epipolar lines, outliers left out, pixels; information (6 + F, 6 + F): inverse
+    covariance of (xi, F free lens numbers).
+    """
+
+    camera: LensCamera
+    rms_px: float
+    information: FloatArray
+    problem: JointProblem
+    stage: Stage
+
+    @cached_property
+    def bent(self) -> JointFit:
+        """The fit from here with a lens that may also bend (k1 and k2 free); itself where it may already."""
+        if self.problem.free >= FREE["radial"]:
+            return self
+        return fit_joint(self.camera, replace(self.problem, mode="radial"), self.stage)
+
+    @property
+    def lens_gain(self) -> float:
+        """By what share (0..1) rms_px falls where the lens may also bend, which moves the pose by more than its deviation."""
+        return max(0.0, 1 - self.bent.rms_px / max(self.rms_px, 1e-12))
+
+    def halves(self) -> list[LensCamera]:
+        """The answers from here of every other view, and of those between."""
+        return [fit_joint(self.camera, self.problem.part(slice(i, None, 2)), self.stage).camera for i in (0, 1)]
 
 
 def density_weights(seen: FloatArray, k: Intrinsics) -> FloatArray:
@@ -107,7 +121,7 @@ def fit_joint(start: LensCamera, problem: JointProblem, stage: Stage) -> JointFi
     sigma_px = problem.deviations_px(across)
     inliers = across[np.abs(across) < 3 * sigma_px]
     rms = float(np.sqrt(np.mean(inliers**2))) if len(inliers) else float("inf")
-    return JointFit(camera, rms, _equations(camera, problem, stage, sigma_px).information)
+    return JointFit(camera, rms, _equations(camera, problem, stage, sigma_px).information, problem, stage)
 
 
 def held_out_px(camera: LensCamera, problem: JointProblem) -> float:

@@ -70,6 +70,29 @@ def test_the_whole_lens_is_solved_for():
     assert pose_error(fit.camera.pose, truth)[0] < 0.002
 
 
+@pytest.mark.parametrize("k1", [0.0, -0.1])
+def test_a_fit_says_how_much_better_a_lens_that_bends_would_do(k1):
+    _, truth, _, views = _views(8, 0.2)
+    lens = replace(CAMERA, dist=(k1, 0, 0, 0, 0))
+    pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
+    views = [replace(v, query=CAMERA.normalise(p)) for v, p in zip(views, pixels, strict=True)]
+    fit = fit_joint(LensCamera(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint")
+    assert fit.bent.camera.intrinsics.dist[0] == pytest.approx(k1, abs=0.01)
+    assert fit.lens_gain > 0.5 if k1 else fit.lens_gain < 0.05
+    assert fit.bent.bent is fit.bent and fit.bent.lens_gain == 0
+    assert fit.bent.problem.mode == "radial" and fit.problem.mode == "fixed"
+
+
+def test_halves_are_the_answers_of_every_other_view():
+    rng, truth, points, views = _views(9)
+    other = se3_exp(0.003 * rng.normal(size=6)) @ truth
+    views[1::2] = [make_matches(rng, other, v.pose, points) for v in views[1::2]]
+    halves = fit_joint(LensCamera(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint").halves()
+    for half, want in zip(halves, (truth, other), strict=True):
+        distance, degrees = pose_error(half.pose, want)
+        assert distance < 1e-6 and degrees < 1e-5
+
+
 @pytest.mark.parametrize("stage", STAGES)
 def test_outliers_cost_little(stage):
     clean, spoilt = [], []
