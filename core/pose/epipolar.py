@@ -33,27 +33,38 @@ class EpipolarFit:
     information: FloatArray
 
 
+def epipolar_distances(pose: Pose, matches: ViewMatches, K: FloatArray) -> FloatArray:
+    """Signed distances d (M,), pixels, of the view's points from their lines."""
+    return _lines(pose, matches, K)[0]
+
+
 def epipolar_residuals(pose: Pose, matches: ViewMatches, K: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Signed distances d (M,), pixels, and their Jacobian (M, 6) with respect to xi = (rho, phi), T <- exp(xi) T.
 
     With T_sq' = T_sq exp(-xi): l = t x R f gives dl/drho = R [f]x and dl/dphi = [t]x R [f]x for the ray f of the photo.
     """
-    R = matches.pose.R @ pose.R.T
-    t = matches.pose.t - R @ pose.t
-    f = bearings(matches.query)
-    Kinv_t = np.linalg.inv(K).T
-    p = np.cross(t, f @ R.T) @ Kinv_t.T
-    pixels = bearings(matches.view) @ K.T
-    norm = np.maximum(np.linalg.norm(p[:, :2], axis=1), MIN_LINE_NORM)
-    d = (pixels * p).sum(1) / norm
+    d, p, norm, pixels = _lines(pose, matches, K)
+    R, t = _relative(pose, matches)
     # d(d)/dp = (x_s - d * (p_x, p_y, 0) / |p_xy|) / |p_xy|
     g = pixels.copy()
     g[:, :2] -= (d / norm)[:, None] * p[:, :2]
-    g = (g / norm[:, None]) @ Kinv_t
-    fx = hat(f)
-    jac_rho = np.einsum("mi,ij,mjk->mk", g, R, fx)
-    jac_phi = np.einsum("mi,ij,mjk->mk", g, hat(t) @ R, fx)
-    return d, np.concatenate([jac_rho, jac_phi], axis=1)
+    g = (g / norm[:, None]) @ np.linalg.inv(K).T
+    turned = np.stack([g @ R, g @ hat(t) @ R], axis=1)
+    return d, np.cross(turned, bearings(matches.query)[:, None]).reshape(-1, 6)
+
+
+def _relative(pose: Pose, matches: ViewMatches) -> tuple[FloatArray, FloatArray]:
+    R = matches.pose.R @ pose.R.T
+    return R, matches.pose.t - R @ pose.t
+
+
+def _lines(pose: Pose, matches: ViewMatches, K: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Distances (M,), lines p (M, 3), their norms (M,) and the points (M, 3), all in the view's pixels."""
+    R, t = _relative(pose, matches)
+    p = bearings(matches.query) @ (np.linalg.inv(K).T @ hat(t) @ R).T
+    pixels = bearings(matches.view) @ K.T
+    norm = np.maximum(np.sqrt(p[:, 0] ** 2 + p[:, 1] ** 2), MIN_LINE_NORM)
+    return (pixels * p).sum(1) / norm, p, norm, pixels
 
 
 def huber(r: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -82,7 +93,7 @@ def measure_epipolar(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) ->
     """F, sigmas, RMS and normal matrix at `pose`, without moving it."""
     sigmas = view_sigmas(pose, views, K)
     at = _normal_equations(pose, views, sigmas, K)
-    residuals = [epipolar_residuals(pose, v, K)[0] for v in views]
+    residuals = [epipolar_distances(pose, v, K) for v in views]
     inliers = np.concatenate([d[np.abs(d) < 3 * s] for d, s in zip(residuals, sigmas, strict=True)])
     rms = float(np.sqrt(np.mean(inliers**2))) if len(inliers) else float("inf")
     return EpipolarFit(pose, at.cost, sigmas, rms, at.information)
@@ -90,7 +101,7 @@ def measure_epipolar(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) ->
 
 def view_sigmas(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> FloatArray:
     """Robust residual deviation of each view (V,), pixels."""
-    return np.array([robust_sigma(epipolar_residuals(pose, v, K)[0]) for v in views])
+    return np.array([robust_sigma(epipolar_distances(pose, v, K)) for v in views])
 
 
 def view_weights(views: Sequence[ViewMatches]) -> FloatArray:

@@ -57,19 +57,19 @@ def final_stage(
     seen. `prior` is the lens as it was given, at the photo's size. A pass that still moved the camera is repeated from where it
     ended, because matches are looked for around the pose.
     """
-    camera, solution = start, None
+    camera, fit, depth = start, None, 0.0
     for _ in range(MAX_PASSES):
         photo = photo.with_intrinsics(camera.intrinsics)
         found = yield from _pass(renderer, photo, camera, prior, settings, mode, rng)
         if found is None:
             break
-        solution, depth = found
-        before, camera = camera, solution.camera
-        if solution.mode != mode:
-            mode = solution.mode  # another lens moves the photo's pixels, which is a move like any other
+        fit, depth = found
+        before, camera = camera, fit.camera
+        if fit.problem.mode != mode:
+            mode = fit.problem.mode  # another lens moves the photo's pixels, which is a move like any other
         elif _settled(before, camera, depth):
             break
-    return solution
+    return from_joint(fit, depth) if fit is not None else None
 
 
 def _settled(before: LensCamera, after: LensCamera, depth: float) -> bool:
@@ -86,7 +86,7 @@ def _pass(
     settings: RefineSettings,
     mode: LensMode,
     rng: np.random.Generator,
-) -> Generator[str, None, tuple[Solution, float] | None]:
+) -> Generator[str, None, tuple[JointFit, float] | None]:
     pose = camera.pose
     yield "rendering the photo's view"
     view = alone(renderer).render(photo.pinhole, pose)
@@ -102,8 +102,7 @@ def _pass(
     views = [v for v in views if len(v) >= MIN_CORNERS]
     if len(views) < MIN_VIEWS:
         return None
-    solution = solve_views(camera, views, reference, photo.intrinsics, prior, settings, mode, depth)
-    return solution, depth
+    return solve_views(camera, views, reference, photo.intrinsics, prior, settings, mode), depth
 
 
 def _followed(
@@ -126,10 +125,12 @@ def solve_views(
     prior: Intrinsics,
     settings: RefineSettings,
     mode: LensMode,
-    depth: float,
-) -> Solution:
+) -> JointFit:
     """The fit of the views by the stage of the settings; "auto" takes the one that best explains the reference view's matches,
     which take no part in those fits: at (nearly) no baseline they lean neither to epipolar lines nor to depth.
+
+    Where the focal length was guessed and nothing else is said of the lens, one that also bends takes the fit's place if it is
+    clearly better.
     """
     problem = JointProblem.of(views, k, prior, mode)
     if settings.final in STAGES:
@@ -142,29 +143,14 @@ def solve_views(
     if stage != "epipolar" and len(reference) >= MIN_CORNERS:
         # chosen without it, fitted with it; lines of (nearly) no baseline would only turn with the noise
         problem = JointProblem.of([*views, reference], k, prior, mode)
-    return _with_lens(
-        fit_joint(start, problem, stage), problem, stage, depth, bends=mode == "focal" and settings.lens == "auto"
-    )
-
-
-def _with_lens(fit: JointFit, problem: JointProblem, stage: Stage, depth: float, bends: bool) -> Solution:
-    """The fit as a solution, held against one whose lens may also bend: that one takes its place where it is clearly better
-    and `bends` allows it, and is told of otherwise. Such a lens moves the pose, whose own deviation is blind to it.
-    """
-    if problem.mode in ("radial", "full"):
-        return from_joint(fit, problem, stage, depth, 0.0)
-    bent = problem.with_mode("radial")
-    bent_fit = fit_joint(fit.camera, bent, stage)
-    gain = 1 - bent_fit.rms_px / max(fit.rms_px, 1e-12)
-    log.debug("a lens that bends (k1 %.3f) fits better by %.3f", bent_fit.camera.intrinsics.dist[0], gain)
-    if bends and gain > LENS_GAIN:
-        return from_joint(bent_fit, bent, stage, depth, 0.0)
-    return from_joint(fit, problem, stage, depth, max(0.0, gain))
+    fit = fit_joint(start, problem, stage)
+    bends = mode == "focal" and settings.lens == "auto" and fit.lens_gain > LENS_GAIN
+    return fit.bent if bends else fit
 
 
 def choose(fits: dict[Stage, JointFit], held_out: JointProblem) -> Stage:
     """The joint stage, unless another one explains the held-out matches clearly better."""
-    if not held_out.views or not len(held_out.views[0]):
+    if not len(held_out.weights):
         return "joint"
     errors = {stage: held_out_px(fit.camera, held_out) for stage, fit in fits.items()}
     log.debug("held-out errors: %s", errors)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..camera import FloatArray, Intrinsics
 from .least_squares import NormalEquations, levenberg_marquardt
 from .lens import FREE, PRIOR_STD, LensCamera, LensMode, lens_difference
 from .matches import ViewMatches, bearings
-from .reprojection import Reprojection, reproject, robust_across_px, whiten
+from .reprojection import Lifted, apply, reproject, robust_across_px, whitening
 
 Stage = Literal["joint", "epipolar", "depth"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
@@ -22,31 +23,18 @@ SCALE = 2.0  # of the Geman-McClure loss, in deviations
 ROUNDS = 4  # of re-estimating deviations around the falling residuals
 CELLS = 20  # cells along the photo's long side
 CELL_CORRELATION = 0.3  # variance that matches of one cell share, as a share of a match's own
-
-
-@dataclass(frozen=True)
-class JointFit:
-    """The fitted camera, and how well it holds.
-
-    rms_px: RMS of the residuals across the epipolar lines, outliers left out, pixels; information (6 + F, 6 + F): inverse
-    covariance of (xi, F free lens numbers).
-    """
-
-    camera: LensCamera
-    rms_px: float
-    information: FloatArray
+BLOCK = 1024  # columns of one matrix product
 
 
 @dataclass(frozen=True)
 class JointProblem:
-    """Views with their matches' pixels in the distorted photo and density weights; `prior` is the lens as it was given.
-
-    `intrinsics` are those under which the matches' `query` coordinates were made.
+    """M matches of V views, with density weights (M,); `prior` is the lens as it was given. counts (V,): matches of each view,
+    which stand one after the other.
     """
 
-    views: tuple[ViewMatches, ...]
-    seen: tuple[FloatArray, ...]
-    weights: tuple[FloatArray, ...]
+    matches: Lifted
+    weights: FloatArray
+    counts: NDArray[np.int64]
     prior: Intrinsics
     mode: LensMode
 
@@ -58,77 +46,100 @@ class JointProblem:
     def of(
         cls, views: Sequence[ViewMatches], intrinsics: Intrinsics, prior: Intrinsics, mode: LensMode = "fixed"
     ) -> JointProblem:
-        """From matches; those without depth are left out."""
-        known = tuple(v.take(np.isfinite(v.depth) & (v.depth > 0)) for v in views)
-        seen = tuple(intrinsics.project(bearings(v.query)) for v in known)
-        return cls(known, seen, density_weights(seen, intrinsics), prior, mode)
-
-    def with_mode(self, mode: LensMode) -> JointProblem:
-        """The same problem with other numbers of the lens free."""
-        return replace(self, mode=mode)
+        """From matches of at least one view; those without depth are left out. `intrinsics` are those under which the matches'
+        `query` coordinates were made.
+        """
+        known = [v.take(np.isfinite(v.depth) & (v.depth > 0)) for v in views]
+        seen = [intrinsics.project(bearings(v.query)) for v in known]
+        counts = np.array([len(v) for v in known], np.int64)
+        return cls(Lifted.of(known, seen), density_weights(np.concatenate(seen), intrinsics), counts, prior, mode)
 
     def part(self, keep: slice) -> JointProblem:
         """The same problem on some of the views."""
-        return replace(self, views=self.views[keep], seen=self.seen[keep], weights=self.weights[keep])
+        chosen = np.zeros(len(self.counts), np.bool_)
+        chosen[keep] = True
+        of = np.repeat(chosen, self.counts)
+        return replace(self, matches=self.matches.take(of), weights=self.weights[of], counts=self.counts[keep])
+
+    def deviations_px(self, across: FloatArray) -> FloatArray:
+        """Robust deviation (M,), the same for all matches of a view, of the residuals `across` (M,) their lines, pixels."""
+        views = np.split(across, np.cumsum(self.counts)[:-1])
+        return np.repeat([robust_across_px(a) for a in views], self.counts)
 
 
-def density_weights(seen: Sequence[FloatArray], k: Intrinsics) -> tuple[FloatArray, ...]:
-    """Weights (M,) of each view's matches: a cell of the photo with n matches over all views weighs n / (1 + c n).
+@dataclass(frozen=True)
+class JointFit:
+    """The fitted camera, and how well it holds; of which problem, by which stage.
+
+    rms_px: RMS of the residuals across the epipolar lines, outliers left out, pixels; information (6 + F, 6 + F): inverse
+    covariance of (xi, F free lens numbers).
+    """
+
+    camera: LensCamera
+    rms_px: float
+    information: FloatArray
+    problem: JointProblem
+    stage: Stage
+
+    @cached_property
+    def bent(self) -> JointFit:
+        """The fit from here with a lens that may also bend (k1 and k2 free); itself where it may already."""
+        if self.problem.free >= FREE["radial"]:
+            return self
+        return fit_joint(self.camera, replace(self.problem, mode="radial"), self.stage)
+
+    @property
+    def lens_gain(self) -> float:
+        """By what share (0..1) rms_px falls where the lens may also bend, which moves the pose by more than its deviation."""
+        return max(0.0, 1 - self.bent.rms_px / max(self.rms_px, 1e-12))
+
+    def halves(self) -> list[LensCamera]:
+        """The answers from here of every other view, and of those between."""
+        return [fit_joint(self.camera, self.problem.part(slice(i, None, 2)), self.stage).camera for i in (0, 1)]
+
+
+def density_weights(seen: FloatArray, k: Intrinsics) -> FloatArray:
+    """Weights (M,) of the matches seen at the pixels `seen` (M, 2): a cell of the photo that holds n, over all views, weighs
+    n / (1 + c n).
 
     A splat that is a little off at a place is so in every view and for every match there; counted as independent, a
     textured corner would outvote the rest of the photo.
     """
-    if not seen:
-        return ()
-    size = max(k.width, k.height) / CELLS
-    cells = [np.floor(s / size).astype(np.int64) @ (1, 4 * CELLS) for s in seen]
-    _, index, count = np.unique(np.concatenate(cells), return_inverse=True, return_counts=True)
-    weights = 1 / (1 + CELL_CORRELATION * count[index])
-    return tuple(np.split(weights, np.cumsum([len(c) for c in cells])[:-1]))
+    cells = np.floor(seen / (max(k.width, k.height) / CELLS)).astype(np.int64) @ (1, 4 * CELLS)
+    _, index, count = np.unique(cells, return_inverse=True, return_counts=True)
+    return np.asarray(1 / (1 + CELL_CORRELATION * count[index]))
 
 
 def fit_joint(start: LensCamera, problem: JointProblem, stage: Stage) -> JointFit:
     """The camera of least cost near `start`, by the stage that is wanted."""
     camera = start
     for _ in range(ROUNDS):
-        sigmas = [robust_across_px(r) for r in _reprojections(camera, problem)]
-        camera = levenberg_marquardt(
-            camera, partial(_equations, problem=problem, stage=stage, sigmas=sigmas), lambda c, step: c.moved(step)
-        )
-    reprojections = _reprojections(camera, problem)
-    sigmas = [robust_across_px(r) for r in reprojections]
-    across = [r.sides()[3] for r in reprojections]
-    inliers = np.concatenate([a[np.abs(a) < 3 * s] for a, s in zip(across, sigmas, strict=True)])
+        sigma_px = problem.deviations_px(reproject(camera, problem.matches).across)
+        equations = partial(_equations, problem=problem, stage=stage, sigma_px=sigma_px)
+        camera = levenberg_marquardt(camera, equations, lambda c, step: c.moved(step))
+    across = reproject(camera, problem.matches).across
+    sigma_px = problem.deviations_px(across)
+    inliers = across[np.abs(across) < 3 * sigma_px]
     rms = float(np.sqrt(np.mean(inliers**2))) if len(inliers) else float("inf")
-    return JointFit(camera, rms, _equations(camera, problem, stage, sigmas).information)
+    return JointFit(camera, rms, _equations(camera, problem, stage, sigma_px).information, problem, stage)
 
 
 def held_out_px(camera: LensCamera, problem: JointProblem) -> float:
     """Robust mean reprojection error, pixels, of matches that took no part in a fit; each counts up to a few pixels only."""
-    total, weight = 0.0, 0.0
-    for r, w in zip(_reprojections(camera, problem), problem.weights, strict=True):
-        squared = (r.residual**2).sum(1)
-        total += float((w * squared / (1 + squared)).sum())
-        weight += float(w.sum())
-    return float(np.sqrt(total / weight)) if weight else float("inf")
+    squared = (reproject(camera, problem.matches).residual ** 2).sum(0)
+    return float(np.sqrt((problem.weights * squared / (1 + squared)).sum() / problem.weights.sum()))
 
 
-def _reprojections(camera: LensCamera, problem: JointProblem) -> list[Reprojection]:
-    return [reproject(camera, v, s, problem.free) for v, s in zip(problem.views, problem.seen, strict=True)]
-
-
-def _equations(camera: LensCamera, problem: JointProblem, stage: Stage, sigmas: Sequence[float]) -> NormalEquations:
-    size = 6 + problem.free
-    cost, gradient, information = 0.0, np.zeros(size), np.zeros((size, size))
-    for r, view, weight, sigma in zip(_reprojections(camera, problem), problem.views, problem.weights, sigmas, strict=True):
-        sigma_depth = {"epipolar": np.full(len(view), np.inf), "depth": np.zeros(len(view)), "joint": view.depth_std}[stage]
-        white, jac = whiten(r, sigma, sigma_depth)
-        squared = (white**2).sum(1) / SCALE**2
-        front = r.z > 0
-        cost += float((weight * np.where(front, squared / (1 + squared), 1.0)).sum()) * SCALE**2 / 2
-        w = np.where(front, weight / (1 + squared) ** 2, 0.0)
-        gradient += np.einsum("nij,ni,n->j", jac, white, w)
-        information += np.einsum("nij,nik,n->jk", jac, jac, w)
+def _equations(camera: LensCamera, problem: JointProblem, stage: Stage, sigma_px: FloatArray) -> NormalEquations:
+    r = reproject(camera, problem.matches)
+    fixed = {"epipolar": np.inf, "depth": 0.0}
+    W = whitening(r, sigma_px, fixed.get(stage, problem.matches.depth_std))
+    white = apply(W, r.residual)
+    squared = (white**2).sum(0) / SCALE**2
+    front = r.points[2] > 0
+    cost = float((problem.weights * np.where(front, squared / (1 + squared), 1.0)).sum()) * SCALE**2 / 2
+    w = np.sqrt(np.where(front, problem.weights, 0.0)) / (1 + squared)
+    gradient, information = _products(r.jacobian(W * w, problem.free), white * w)
     if problem.free:
         prior = 1 / PRIOR_STD[: problem.free] ** 2
         difference = lens_difference(camera.intrinsics, problem.prior)[: problem.free]
@@ -136,3 +147,13 @@ def _equations(camera: LensCamera, problem: JointProblem, stage: Stage, sigmas: 
         gradient[6:] += prior * difference
         information[6:, 6:] += np.diag(prior)
     return NormalEquations(cost, gradient, information)
+
+
+def _products(jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """J^T r (n,) and J^T J (n, n) of a Jacobian (n, 2, M) and residuals (2, M). In blocks too small for BLAS to share among
+    threads, which would add up in an order that depends on their number.
+    """
+    J, r = jacobian.reshape(len(jacobian), -1), residual.reshape(-1)
+    blocks = [slice(i, i + BLOCK) for i in range(0, len(r), BLOCK)]
+    gradient = sum((J[:, b] @ r[b] for b in blocks), np.zeros(len(J)))
+    return gradient, sum((J[:, b] @ J[:, b].T for b in blocks), np.zeros((len(J), len(J))))

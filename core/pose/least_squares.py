@@ -11,7 +11,7 @@ import numpy as np
 from ..camera import FloatArray
 
 MAX_STEPS = 30
-MIN_GAIN = 1e-7  # relative fall of the cost under which the search has ended
+MIN_GAIN = 1e-7  # relative fall of the cost, had or at best to be had, under which the search has ended
 MAX_DAMPING = 1e8
 
 State = TypeVar("State")
@@ -43,7 +43,8 @@ def levenberg_marquardt(
             if gain < MIN_GAIN:
                 break
         else:
+            promised = -(now.gradient @ step) - 0.5 * step @ now.information @ step
             damping *= 10
-            if damping > MAX_DAMPING:
+            if promised < MIN_GAIN * now.cost or damping > MAX_DAMPING:
                 break
     return state

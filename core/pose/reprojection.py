@@ -4,94 +4,138 @@ A match says: the photo's pixel q shows what the rendered view s sees along a ra
 the predicted pixel u(d) along the epipolar line, J = du/dd. Across that line the residual u - q has deviation sigma_px (that is
 the epipolar constraint of the paper), along it sqrt(sigma_px^2 + |J|^2 sigma_d^2) (that is the depth). An infinite sigma_d
 leaves the paper's stage, zero leaves PnP.
+
+The matches of all views are one set of arrays with the components first, (2, M) and (3, M): every operation then runs over
+contiguous memory.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera import FloatArray, Intrinsics
-from ..lie import hat
+from ..camera import FloatArray
 from .lens import LensCamera
-from .matches import ViewMatches, bearings
+from .matches import BoolArray, ViewMatches, bearings, world_points
 
 MIN_SIGMA_PX = 0.15  # no match is known better than a keypoint is
-MIN_LENGTH = 1e-12
+MIN_DEPTH = 1e-12
+MIN_LENGTH = 1e-9  # of a line, pixels per scene unit; below it is what rounding leaves of none
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """M matches of any number of views, in the world.
+
+    points (3, M): lifted by the rendered depth; rays (3, M): how they move per unit of depth; depth_std (M,), scene units;
+    seen (2, M): pixels in the distorted photo.
+    """
+
+    points: FloatArray
+    rays: FloatArray
+    depth_std: FloatArray
+    seen: FloatArray
+
+    @classmethod
+    def of(cls, views: Sequence[ViewMatches], seen: Sequence[FloatArray]) -> Lifted:
+        """The matches of the views one after the other; `seen` (M_v, 2) of each."""
+        points = np.concatenate([world_points(v) for v in views])
+        rays = np.concatenate([bearings(v.view) @ v.pose.R for v in views])
+        depth_std = np.concatenate([v.depth_std for v in views])
+        return cls(*map(np.ascontiguousarray, (points.T, rays.T, depth_std, np.concatenate(seen).T)))
+
+    def take(self, keep: BoolArray) -> Lifted:
+        """The matches where `keep` (M,) is True."""
+        return Lifted(self.points[:, keep], self.rays[:, keep], self.depth_std[keep], self.seen[:, keep])
 
 
 @dataclass(frozen=True)
 class Reprojection:
     """Of M matches, in pixels of the distorted photo.
 
-    residual (M, 2): predicted minus observed; jacobian (M, 2, 6 + F) by xi = (rho, phi), T <- exp(xi) T, then the F free lens
-    numbers (`lens.NAMES`); along (M, 2): du/dd, pixels per scene unit; z (M,): depth of the point from the photo.
+    residual (2, M): predicted minus observed; along (2, M): du/dd, pixels per scene unit; points (3, M), ideal (2, M): in the
+    photo's camera space and image plane; slope (2, 2, M): slope[j, i] is the derivative of pixel i by the point's component
+    j = 0, 1.
     """
 
+    camera: LensCamera
     residual: FloatArray
-    jacobian: FloatArray
     along: FloatArray
-    z: FloatArray
+    points: FloatArray
+    ideal: FloatArray
+    slope: FloatArray
 
-    def sides(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Unit direction of the line (M, 2), |du/dd| (M,), and the residual along and across the line (M,)."""
-        length = np.linalg.norm(self.along, axis=1)
-        e = self.along / np.maximum(length, MIN_LENGTH)[:, None]
-        r = self.residual
-        return e, length, (r * e).sum(1), r[:, 1] * e[:, 0] - r[:, 0] * e[:, 1]
+    @property
+    def across(self) -> FloatArray:
+        """The residuals across the lines (M,), signed."""
+        (x, y), r = self.along, self.residual
+        return np.asarray((r[1] * x - r[0] * y) / np.maximum(_length(self.along), MIN_LENGTH))
 
-
-def reproject(camera: LensCamera, matches: ViewMatches, seen: FloatArray, free: int = 0) -> Reprojection:
-    """`seen` (M, 2): the matches' pixels in the distorted photo. `free`: how many lens numbers the Jacobian holds (0..5)."""
-    k, pose = camera.intrinsics, camera.pose
-    R = pose.R @ matches.pose.R.T
-    ray = bearings(matches.view) @ R.T
-    p = ray * matches.depth[:, None] + (pose.t - R @ matches.pose.t)
-    z = np.where(np.abs(p[:, 2]) > MIN_LENGTH, p[:, 2], MIN_LENGTH)
-    n = p[:, :2] / z[:, None]
-    bent = k.distort_normalised(n)
-    focal = np.array([k.fx, k.fy])
-    D = _pixel_jacobian(k, n, z)
-    J = np.zeros((len(p), 2, 6 + free))
-    J[:, :, :3] = D
-    J[:, :, 3:6] = -D @ hat(p)
-    if free:
-        r2 = (n * n).sum(1)[:, None]
-        columns = (bent * focal, n * r2 * focal, n * r2 * r2 * focal, [k.focal, 0.0], [0.0, k.focal])
-        for i, column in enumerate(columns[:free]):
-            J[:, :, 6 + i] = column
-    return Reprojection(bent * focal + (k.cx, k.cy) - seen, J, np.einsum("nij,nj->ni", D, ray), p[:, 2])
+    def jacobian(self, W: FloatArray, free: int = 0) -> FloatArray:
+        """Derivative (6 + F, 2, M) of the residuals by xi = (rho, phi), T <- exp(xi) T, then the F free lens numbers
+        (`lens.NAMES`, 0..5), multiplied by `W` (2, 2, M), as `whitening` gives it.
+        """
+        k, n, (x, y, z) = self.camera.intrinsics, self.ideal, self.points
+        J = np.empty((6 + free, 2, n.shape[1]))
+        J[0], J[1] = (apply(W, column) for column in self.slope)
+        J[2] = -(n[0] * J[0] + n[1] * J[1])
+        J[3], J[4], J[5] = y * J[2] - z * J[1], z * J[0] - x * J[2], x * J[1] - y * J[0]
+        if free:
+            focal, r2 = np.array([[k.fx], [k.fy]]), (n * n).sum(0)
+            bent = focal * k.distort_normalised(n.T).T
+            columns = (bent, focal * n * r2, focal * n * r2 * r2, np.array([[k.focal], [0.0]]), np.array([[0.0], [k.focal]]))
+            for i, column in enumerate(columns[:free]):
+                J[6 + i] = apply(W, column)
+        return J
 
 
-def _pixel_jacobian(k: Intrinsics, n: FloatArray, z: FloatArray) -> FloatArray:
-    """Derivative (M, 2, 3) of the distorted pixel by the camera-space point."""
-    D = np.zeros((len(n), 2, 3))
-    D[:, 0, 0] = D[:, 1, 1] = 1 / z
-    D[:, :, 2] = -n / z[:, None]
+def reproject(camera: LensCamera, matches: Lifted) -> Reprojection:
+    """Where `camera` sees the matches' points, against where the photo shows them."""
+    k, R = camera.intrinsics, camera.pose.R
+    p, ray = R @ matches.points + camera.pose.t[:, None], R @ matches.rays
+    z = np.where(np.abs(p[2]) > MIN_DEPTH, p[2], MIN_DEPTH)
+    n = p[:2] / z
+    slope = np.zeros((2, 2, len(z)))
     if k.has_distortion:
-        xx, xy, yy = k.distortion_jacobian(n)
-        D = np.stack([np.stack([xx, xy], 1), np.stack([xy, yy], 1)], 1) @ D
-    return np.asarray(D * np.array([k.fx, k.fy])[:, None])
+        bent = k.distort_normalised(n.T).T
+        slope[0, 0], slope[0, 1], slope[1, 1] = k.distortion_jacobian(n.T)
+        slope[1, 0] = slope[0, 1]
+    else:
+        bent = n
+        slope[0, 0] = slope[1, 1] = 1.0
+    focal = np.array([[k.fx], [k.fy]])
+    slope *= focal / z
+    residual = focal * bent + [[k.cx], [k.cy]] - matches.seen
+    return Reprojection(camera, residual, apply(slope, ray[:2] - n * ray[2]), p, n, slope)
 
 
-def whiten(r: Reprojection, sigma_px: float, sigma_depth: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residuals (M, 2) and Jacobian (M, 2, n) in units of their deviation: across the line, then along it.
+def apply(A: FloatArray, v: FloatArray) -> FloatArray:
+    """Products (2, M) of the 2x2 matrices whose columns are A[0], A[1] (2, M) with the vectors `v` (2, M)."""
+    return np.asarray(A[0] * v[0] + A[1] * v[1])
 
-    `sigma_depth` (M,), scene units, may be infinite: then the component along the line says nothing.
+
+def _length(v: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(v[0] ** 2 + v[1] ** 2))
+
+
+def whitening(r: Reprojection, sigma_px: FloatArray | float, sigma_depth: FloatArray | float) -> FloatArray:
+    """Matrices W (2, 2, M), W[j] their column j, that bring residuals to units of their deviation: across the line first, then
+    along it.
+
+    `sigma_px` and `sigma_depth` (scene units): one or (M,). An infinite `sigma_depth` lets the component along say nothing.
     """
-    e, length, _, _ = r.sides()
-    with np.errstate(invalid="ignore"):
-        sigma_along = np.hypot(sigma_px, np.where(length > MIN_LENGTH, length * sigma_depth, 0.0))
-    across = np.stack([-e[:, 1], e[:, 0]], 1) / sigma_px
-    along = e / sigma_along[:, None]
-    W = np.stack([across, along], 1)
+    length = _length(r.along)
     flat = length <= MIN_LENGTH  # no line at zero baseline: the depth moves nothing, and both directions count alike
-    W[flat] = np.eye(2) / sigma_px
-    return np.einsum("nij,nj->ni", W, r.residual), W @ r.jacobian
+    e = np.where(flat, [[0.0], [-1.0]], r.along / np.maximum(length, MIN_LENGTH))
+    with np.errstate(invalid="ignore"):
+        spread = np.where(flat, 0.0, length * sigma_depth)
+    along = e / np.sqrt(sigma_px**2 + spread**2)
+    across = e / sigma_px
+    return np.array([[-across[1], along[0]], [across[0], along[1]]])
 
 
-def robust_across_px(r: Reprojection) -> float:
-    """Deviation of the residuals across the line (1.4826 median), with a floor, pixels."""
-    across = np.abs(r.sides()[3])
-    return max(MIN_SIGMA_PX, 1.4826 * float(np.median(across))) if len(across) else MIN_SIGMA_PX
+def robust_across_px(across: FloatArray) -> float:
+    """Deviation of residuals across the line (M,) (1.4826 median), with a floor, pixels."""
+    return max(MIN_SIGMA_PX, 1.4826 * float(np.median(np.abs(across)))) if len(across) else MIN_SIGMA_PX

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..camera import FloatArray, Intrinsics, pose_error
 from .epipolar import EpipolarFit, refine_epipolar
-from .joint import JointFit, JointProblem, Stage, fit_joint
+from .joint import JointFit, Stage
 from .lens import LensCamera, LensMode
 from .matches import ViewMatches
 
@@ -51,14 +51,14 @@ def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics,
     return Solution(LensCamera(fit.pose, k), "loop", fit.rms_px, *deviations, *apart, mode)
 
 
-def from_joint(fit: JointFit, problem: JointProblem, stage: Stage, depth: float, lens_gain: float) -> Solution:
-    """A fit of the last stage as a solution."""
+def from_joint(fit: JointFit, depth: float) -> Solution:
+    """The last stage's fit as a solution. `depth`: median rendered depth, scene units."""
     apart = (float("nan"), float("nan"))
-    if len(problem.views) >= 4:
-        a, b = (fit_joint(fit.camera, problem.part(slice(i, None, 2)), stage).camera.pose for i in (0, 1))
-        apart = pose_error(a, b)
+    if len(fit.problem.counts) >= 4:
+        a, b = fit.halves()
+        apart = pose_error(a.pose, b.pose)
     translation, rotation, focal = _deviations(fit.information / SHARED_ERROR**2, depth)
-    return Solution(fit.camera, stage, fit.rms_px, translation, rotation, focal, *apart, problem.mode, lens_gain)
+    return Solution(fit.camera, fit.stage, fit.rms_px, translation, rotation, focal, *apart, fit.problem.mode, fit.lens_gain)
 
 
 def _deviations(information: FloatArray, depth: float) -> tuple[float, float, float]:

@@ -11,7 +11,7 @@ from ..camera import FloatArray, Pose
 from ..features.frontend import Frontend
 from .consistency import consensus_pose
 from .depth_pnp import pnp_pose
-from .epipolar import EpipolarFit, epipolar_residuals, measure_epipolar, refine_epipolar
+from .epipolar import EpipolarFit, epipolar_distances, measure_epipolar, refine_epipolar
 from .matches import BoolArray, ViewMatches, bearings, world_points
 from .observe import Observation, Query, align_matches
 from .two_view import TwoViewPose, two_view_pose
@@ -77,7 +77,7 @@ def agreement(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> float:
     """How many matches `pose` explains, each counted 1 on its epipolar line falling to 0 at the gate."""
     total = 0.0
     for view in views:
-        d = epipolar_residuals(pose, view, K)[0]
+        d = epipolar_distances(pose, view, K)
         total += float(np.sum(np.where(gate(pose, view, K), 1 - (d / GATE_PX) ** 2, 0.0)))
     return total
 
@@ -101,8 +101,7 @@ def single_view_pose(view: UsableView) -> Pose | None:
 
 def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_PX) -> BoolArray:
     """Which matches (M,) lie on their epipolar line at `pose`, and, where the splat has depth, near the right place on it."""
-    d, _ = epipolar_residuals(pose, matches, K)
-    on_line = np.abs(d) < gate_px
+    on_line = np.abs(epipolar_distances(pose, matches, K)) < gate_px
     points = pose.transform(world_points(matches))
     with np.errstate(invalid="ignore"):
         offset = np.linalg.norm(points[:, :2] / points[:, 2:] - matches.query, axis=1) * K[0, 0]
@@ -132,7 +131,7 @@ def _parallax_px(pose: Pose, observation: Observation, K: FloatArray) -> float:
 def fine_pose(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> EpipolarFit:
     """The epipolar stage, twice: once to settle, once on the matches within the gate of where it settled."""
     fit = refine_epipolar(pose, views, K)
-    kept = [v.take(np.abs(epipolar_residuals(fit.pose, v, K)[0]) < 4 * s) for v, s in zip(views, fit.sigmas, strict=True)]
+    kept = [v.take(np.abs(epipolar_distances(fit.pose, v, K)) < 4 * s) for v, s in zip(views, fit.sigmas, strict=True)]
     kept = [v for v in kept if len(v) >= MIN_FINE_MATCHES]
     return refine_epipolar(fit.pose, kept, K) if kept else fit
 

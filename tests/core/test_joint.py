@@ -9,8 +9,19 @@ from geometry import CAMERA, fan, make_matches, random_pose, world
 from core.camera import pose_error
 from core.lie import se3_exp
 from core.pose.final import choose
-from core.pose.joint import CELL_CORRELATION, CELLS, STAGES, JointProblem, density_weights, fit_joint
-from core.pose.lens import LensCamera
+from core.pose.joint import (
+    CELL_CORRELATION,
+    CELLS,
+    SCALE,
+    STAGES,
+    JointProblem,
+    _equations,
+    density_weights,
+    fit_joint,
+)
+from core.pose.lens import FREE, PRIOR_STD, LensCamera, lens_difference
+from core.pose.matches import world_points
+from core.pose.reprojection import reproject
 
 
 def _views(seed, noise=0.0, outliers=0.0, count=6):
@@ -59,6 +70,29 @@ def test_the_whole_lens_is_solved_for():
     assert pose_error(fit.camera.pose, truth)[0] < 0.002
 
 
+@pytest.mark.parametrize("k1", [0.0, -0.1])
+def test_a_fit_says_how_much_better_a_lens_that_bends_would_do(k1):
+    _, truth, _, views = _views(8, 0.2)
+    lens = replace(CAMERA, dist=(k1, 0, 0, 0, 0))
+    pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
+    views = [replace(v, query=CAMERA.normalise(p)) for v, p in zip(views, pixels, strict=True)]
+    fit = fit_joint(LensCamera(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint")
+    assert fit.bent.camera.intrinsics.dist[0] == pytest.approx(k1, abs=0.01)
+    assert fit.lens_gain > 0.5 if k1 else fit.lens_gain < 0.05
+    assert fit.bent.bent is fit.bent and fit.bent.lens_gain == 0
+    assert fit.bent.problem.mode == "radial" and fit.problem.mode == "fixed"
+
+
+def test_halves_are_the_answers_of_every_other_view():
+    rng, truth, points, views = _views(9)
+    other = se3_exp(0.003 * rng.normal(size=6)) @ truth
+    views[1::2] = [make_matches(rng, other, v.pose, points) for v in views[1::2]]
+    halves = fit_joint(LensCamera(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint").halves()
+    for half, want in zip(halves, (truth, other), strict=True):
+        distance, degrees = pose_error(half.pose, want)
+        assert distance < 1e-6 and degrees < 1e-5
+
+
 @pytest.mark.parametrize("stage", STAGES)
 def test_outliers_cost_little(stage):
     clean, spoilt = [], []
@@ -98,14 +132,79 @@ def test_the_information_bounds_the_error():
 
 def test_density_weights_are_those_of_a_plain_count():
     rng = np.random.default_rng(0)
-    seen = [rng.uniform((0, 0), (640, 480), (n, 2)) for n in (50, 200)]
-    seen[1][:120] = rng.uniform((100, 100), (110, 110), (120, 2))
-    got = density_weights(seen, CAMERA)
+    seen = rng.uniform((0, 0), (640, 480), (250, 2))
+    seen[50:170] = rng.uniform((100, 100), (110, 110), (120, 2))
     size = 640 / CELLS
-    everything = [tuple((p // size).astype(int)) for s in seen for p in s]
-    want = [1 / (1 + CELL_CORRELATION * everything.count(cell)) for cell in everything]
-    np.testing.assert_allclose(np.concatenate(got), want)
-    assert [len(w) for w in got] == [50, 200]
+    cells = [tuple((p // size).astype(int)) for p in seen]
+    want = [1 / (1 + CELL_CORRELATION * cells.count(cell)) for cell in cells]
+    np.testing.assert_allclose(density_weights(seen, CAMERA), want)
+
+
+def _twin(camera, views, problem, stage):
+    """Cost, gradient and Gauss-Newton matrix summed match by match, from finite differences and dense covariances."""
+    size = 6 + FREE[problem.mode]
+    cost, gradient, information, weights = 0.0, np.zeros(size), np.zeros((size, size)), iter(problem.weights)
+
+    def difference(f, step):
+        return (f(step) - f(-step)) / (2 * np.linalg.norm(step))
+
+    for view in views:
+
+        def pixels(camera, deeper=0.0, view=view):
+            points = world_points(replace(view, depth=view.depth + deeper))
+            return camera.intrinsics.project(camera.pose.transform(points))
+
+        residual = pixels(camera) - CAMERA.project(np.column_stack([view.query, np.ones(len(view))]))
+        jacobian = np.stack([difference(lambda s: pixels(camera.moved(s)), s) for s in 1e-6 * np.eye(size)], -1)
+        along = difference(lambda s: pixels(camera, float(s[0])), np.array([1e-6]))
+        normal = np.stack([-along[:, 1], along[:, 0]], 1) / np.linalg.norm(along, axis=1)[:, None]
+        sigma = 1.4826 * np.median(np.abs((residual * normal).sum(1)))
+        for r, J, a, n, std in zip(residual, jacobian, along, normal, view.depth_std, strict=True):
+            spread = std**2 * np.outer(a, a) if stage == "joint" else 0.0
+            inverse = np.outer(n, n) / sigma**2 if stage == "epipolar" else np.linalg.inv(sigma**2 * np.eye(2) + spread)
+            squared, weight = r @ inverse @ r / SCALE**2, next(weights)
+            cost += 0.5 * weight * SCALE**2 * squared / (1 + squared)
+            gradient += weight / (1 + squared) ** 2 * J.T @ inverse @ r
+            information += weight / (1 + squared) ** 2 * J.T @ inverse @ J
+    free = PRIOR_STD[: size - 6]
+    off = lens_difference(camera.intrinsics, problem.prior)[: size - 6] / free
+    gradient[6:] += off / free
+    return cost + 0.5 * off @ off, gradient, information + np.diag(np.r_[np.zeros(6), free**-2.0])
+
+
+@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("mode", ["fixed", "full"])
+def test_the_stacked_equations_are_those_of_a_plain_sum_over_matches(stage, mode):
+    rng, truth, _, views = _views(3, 0.5, 0.2, count=4)
+    views = [views[0].take(np.arange(len(views[0])) < 90), *views[1:]]  # views of different sizes
+    lens = replace(CAMERA, fx=540.0, dist=(0.05, -0.02, 0.001, 0.002, 0.0))
+    camera, problem = replace(_start(rng, truth), intrinsics=lens), JointProblem.of(views, CAMERA, CAMERA, mode)
+    want_cost, want_gradient, want = _twin(camera, views, problem, stage)
+    r = reproject(camera, problem.matches)
+    got = _equations(camera, problem, stage, problem.deviations_px(r.across))
+    assert got.cost == pytest.approx(want_cost, rel=1e-6)
+    unit = 1 / np.sqrt(np.diag(want))
+    np.testing.assert_allclose(unit * got.gradient, unit * want_gradient, atol=1e-6 * np.abs(unit * want_gradient).max())
+    np.testing.assert_allclose(np.outer(unit, unit) * got.information, np.outer(unit, unit) * want, atol=1e-6)
+
+
+def test_a_part_of_a_problem_is_the_problem_of_those_views():
+    _, _, _, views = _views(2, 0.5)
+    views = [v.take(np.arange(len(v)) >= 7 * i) for i, v in enumerate(views)]
+    part = JointProblem.of(views, CAMERA, CAMERA).part(slice(1, None, 2))
+    want = JointProblem.of(views[1::2], CAMERA, CAMERA)
+    for got, expected in ((part.matches.points, want.matches.points), (part.matches.seen, want.matches.seen)):
+        np.testing.assert_array_equal(got, expected)
+    np.testing.assert_array_equal(part.counts, want.counts)
+
+
+def test_matches_without_depth_take_no_part():
+    _, _, _, views = _views(2)
+    holes = np.arange(len(views[0])) % 3 == 0
+    views[0] = replace(views[0], depth=np.where(holes, np.nan, views[0].depth))
+    problem = JointProblem.of(views, CAMERA, CAMERA)
+    assert problem.counts[0] == (~holes).sum() and problem.counts[1] == len(views[1])
+    assert np.isfinite(problem.matches.points).all()
 
 
 def test_a_spoilt_corner_with_most_of_the_matches_does_not_outvote_the_rest():
@@ -119,7 +218,7 @@ def test_a_spoilt_corner_with_most_of_the_matches_does_not_outvote_the_rest():
         shift = np.where(np.arange(len(m)) < len(points), 0.0, 1.0 / CAMERA.focal)
         off.append(replace(m, view=m.view + shift[:, None]))
     problem = JointProblem.of(off, CAMERA, CAMERA)
-    flat = replace(problem, weights=tuple(np.ones_like(w) for w in problem.weights))
+    flat = replace(problem, weights=np.ones_like(problem.weights))
     start = LensCamera(truth, CAMERA)
     weighed, plain = (pose_error(fit_joint(start, p, "epipolar").camera.pose, truth)[0] for p in (problem, flat))
     assert weighed < 0.7 * plain
@@ -133,4 +232,5 @@ def test_auto_leaves_a_depth_that_lies():
     fits = {stage: fit_joint(_start(rng, truth, 0.001), problem, stage) for stage in STAGES}
     assert choose(fits, JointProblem.of([reference], CAMERA, CAMERA)) == "epipolar"
     assert pose_error(fits["epipolar"].camera.pose, truth)[0] < 0.2 * pose_error(fits["joint"].camera.pose, truth)[0]
-    assert choose(fits, JointProblem.of([], CAMERA, CAMERA)) == "joint"
+    nothing = reference.take(np.zeros(len(reference), bool))
+    assert choose(fits, JointProblem.of([nothing], CAMERA, CAMERA)) == "joint"
