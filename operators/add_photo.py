@@ -65,8 +65,7 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
         photo_list.note(context.scene, camera, photo)
         photo_camera.look_through(context, camera)
         values = {"photo": image.name, "camera": camera.name, "x": photo.width, "y": photo.height}
-        self.report({"INFO"}, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))
-        return {"FINISHED"}
+        return self.done(context, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))
 
 
 classes = (GSSMC_OT_add_photo,)

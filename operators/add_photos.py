@@ -42,9 +42,7 @@ class _AddPhotos(JobFromFile):
             photo_list.note_unreadable(scene, name, message)
         first = jobs.by_uid(scene.objects, job.added[0])
         scene.gssmc.photo_index = next(i for i, entry in enumerate(scene.gssmc.photos) if entry.camera == first)
-        self.tell(context, "")
-        self.report({"WARNING" if job.failed else "INFO"}, _summary(job))
-        return {"FINISHED"}
+        return self.done(context, _summary(job), "WARNING" if job.failed else "INFO")
 
     def stopped(self, context, job):
         if job.added:

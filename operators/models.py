@@ -90,8 +90,7 @@ class GSSMC_OT_download_model(PlainOperator, bpy.types.Operator):
             if isinstance(news, Failure):
                 return self.refuse(news.message)
             if isinstance(news, Finished):
-                self.report({"INFO"}, rpt_("{model} is there; choose ALIKED or Auto in the panel's settings.", model=title))
-                return {"FINISHED"}
+                return self.done(context, rpt_("{model} is there; choose ALIKED or Auto in the panel's settings.", model=title))
             if context.workspace:
                 done = iface_("Downloading {model}: {percent:.0f} %    Esc: stop", model=title, percent=100 * news.fraction)
                 context.workspace.status_text_set(done)

@@ -53,9 +53,7 @@ class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
         words = [_told(camera, result)]
         if not shown and not self.background:
             words.append(rpt_('Open an Image Editor and pick "{image}" in its header to see it.', image=image.name))
-        self.tell(context, " ".join(words))
-        self.report({"INFO"}, " ".join(words))
-        return {"FINISHED"}
+        return self.done(context, " ".join(words), line=" ".join(words))
 
     def stopped(self, context, job):
         return self.refuse(context, rpt_("The preview was cancelled."), level="INFO")
