@@ -25,7 +25,7 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
 
     filename_ext = ".json"
     filter_glob: StringProperty(default="*.json;*.txt", options={"HIDDEN"})
-    format: EnumProperty(name="Format", items=FORMATS, default="JSON")
+    format: EnumProperty(name="Format", items=FORMATS, default="JSON", description="What other programs read")
     selected: BoolProperty(
         name="Selected Only", default=False, description="The selected cameras; otherwise all of the scene that have a photo"
     )

@@ -26,8 +26,10 @@ class GSSMC_OT_download_model(PlainOperator, bpy.types.Operator):
     bl_label = "Download Model"
     bl_options = {"INTERNAL"}
 
-    model: EnumProperty(name="Model", items=ITEMS)
-    accept_licence: BoolProperty(name="I accept the licence", default=False, options={"SKIP_SAVE"})
+    model: EnumProperty(name="Model", items=ITEMS, description="Which model to download")
+    accept_licence: BoolProperty(
+        name="I accept the licence", default=False, description="Nothing is downloaded without it", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):

@@ -135,7 +135,11 @@ def test_a_photo_is_removed_with_its_camera_or_without(bpy, listed):
 
 def test_add_photo_puts_its_camera_on_the_list(bpy, tmp_path):
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    assert [entry.camera for entry in bpy.context.scene.gssmc.photos] == [bpy.context.scene.camera]
+    own, first = bpy.context.scene.gssmc, bpy.context.scene.camera
+    assert [entry.camera for entry in own.photos] == [first]
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "b.png")), camera="NEW")
+    assert [entry.camera for entry in own.photos] == [first, bpy.context.scene.camera]
+    assert own.photo_index == 1, "the photo that is looked at is the one that Remove Photo would take"
 
 
 def test_a_stopped_queue_keeps_what_is_done(bpy, listed, extension):
