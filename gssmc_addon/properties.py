@@ -199,7 +199,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "lens_calibrated": BoolProperty(
             name="Calibrated",
             description="The focal length is known well, from a calibration. Otherwise it is a guess (from EXIF, or by eye), "
-            "for which Refine solves when Lens is Auto",
+            "for which Refine solves when Solve For is Auto",
         ),
         "frame_x": IntProperty(name="Frame X", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
         "frame_y": IntProperty(name="Frame Y", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
