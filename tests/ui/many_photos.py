@@ -1,7 +1,8 @@
 """Many photos, the preview and a moving plate in the real window; screenshots to look at.
 
 Not part of pytest; see full_job.py for how it is run. Beside this file: scene.ply, photos/ and starts.json, plate/ and
-start.json.
+start.json. docs/photos.jpg is what it shows of the sample room (and a file cut short) after all_of_them, at 80 %, with the
+settings' defaults, the splat drawn, the render of the photo's resolution and the timeline closed.
 """
 
 # ruff: noqa: F821 - the driver provides view3d, sidebar, press and shot
