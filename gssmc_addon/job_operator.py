@@ -23,7 +23,21 @@ class Idle:
         return True
 
 
-class JobOperator(Idle):
+class Reporter:
+    """A mixin: what an operator has to say, in Blender's report and in the panel's line."""
+
+    def done(self, context: bpy.types.Context, message: str, level: str = "INFO", line: str = "") -> set[str]:
+        """The result of success. The panel's line becomes `line`: what stood there, be it the error resolved, is past."""
+        self.tell(context, line)
+        self.report({level}, message)
+        return {"FINISHED"}
+
+    def tell(self, context: bpy.types.Context, message: str, icon: str = "INFO") -> None:
+        """The line in the panel."""
+        context.window_manager.gssmc.tell(message, icon)
+
+
+class JobOperator(Idle, Reporter):
     """A mixin. The operator says what to do in `gather` and what to make of the result in `apply`."""
 
     def gather(self, context: bpy.types.Context) -> Job:
@@ -98,12 +112,6 @@ class JobOperator(Idle):
         self.tell(context, message, level)
         self.report({level}, message)
         return {"CANCELLED"}
-
-    def tell(self, context: bpy.types.Context, message: str, icon: str = "INFO") -> None:
-        """The line in the panel. The same again is not written, for Blender draws the whole window anew then."""
-        own = context.window_manager.gssmc
-        if (own.message, own.message_icon) != (message, icon):
-            own.message, own.message_icon = message, icon
 
 
 class AskingJobOperator(JobOperator):

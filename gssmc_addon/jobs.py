@@ -81,7 +81,7 @@ class RefineJob(Job):
         self.inputs.splat.close()
 
     def note(self, news: RefineProgress) -> None:
-        self.fraction, self.step = news.fraction, news.step
+        self.fraction, self.step = news.fraction, news.step[:1].upper() + news.step[1:]
         self.detail = iface_("Iteration {number} of {count}", number=max(news.iteration, 1), count=news.iterations)
 
 

@@ -7,10 +7,10 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
 from . import photo_image
-from .job_operator import AskingJobOperator
+from .job_operator import AskingJobOperator, Reporter
 
 
-class PlainOperator:
+class PlainOperator(Reporter):
     """A mixin for operators that are done at once: `run` does the work, and a GssmcError of it becomes the report."""
 
     def run(self, context: bpy.types.Context) -> set[str]:

@@ -70,7 +70,7 @@ def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: 
 
 def _draw_progress(layout: bpy.types.UILayout, job: Job) -> None:
     column = layout.column(align=True)
-    column.progress(factor=job.fraction, text=job.step[:1].upper() + job.step[1:])
+    column.progress(factor=job.fraction, text=job.step)
     if job.detail:
         column.label(text=job.detail)
     column.operator("gssmc.cancel", icon="X")

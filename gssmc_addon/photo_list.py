@@ -42,6 +42,11 @@ def note(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> Gssm
     return entry
 
 
+def pick(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
+    """Makes a camera's entry the picked one, which is then looked through."""
+    scene.gssmc.photo_index = next(i for i, entry in enumerate(scene.gssmc.photos) if entry.camera == camera)
+
+
 def note_unreadable(scene: bpy.types.Scene, name: str, message: str) -> GssmcPhoto:
     """A line for a photo that has no camera because it could not be used."""
     entry = scene.gssmc.photos.add()

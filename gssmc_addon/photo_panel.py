@@ -5,6 +5,8 @@ from __future__ import annotations
 import bpy
 
 from . import jobs, panels, photo_list, properties
+from .photo_entry import GssmcPhoto
+from .texts import iface_
 
 ROWS = 4
 
@@ -24,11 +26,9 @@ class GSSMC_UL_photos(bpy.types.UIList):
         if camera:
             row.prop(camera, "name", text="", emboss=False)
         else:
-            row.label(text=photo_list.title(item), translate=False)
-        if item.error:
-            row.label(text=item.error, icon="ERROR")
-        elif camera is None:
-            row.label(text="Camera deleted", icon="ERROR")
+            row.label(text=photo_list.title(item) or iface_("Camera deleted"), translate=False)
+        if _error(context.scene, item):  # in full below the list, when the line is picked
+            row.label(text="", icon="ERROR")
         else:
             if camera.data.gssmc.mask:
                 row.label(text="", icon="MOD_MASK")
@@ -75,11 +75,19 @@ def _draw_review(layout: bpy.types.UILayout) -> None:
 
 
 def _draw_error(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Why the picked photo could not be read or refined, in full."""
+    """What is wrong with the picked photo."""
     own = context.scene.gssmc
     entry = own.photos[own.photo_index] if own.photo_index < len(own.photos) else None
-    if entry and entry.error:
-        panels.draw_text(layout.box(), context, entry.error, icon="ERROR")
+    error = _error(context.scene, entry) if entry else ""
+    if error:
+        panels.draw_text(layout.box(), context, error, icon="ERROR")
+
+
+def _error(scene: bpy.types.Scene, entry: GssmcPhoto) -> str:
+    """Why a photo could not be read or refined, in full; empty when all is well."""
+    if entry.error or photo_list.camera_of(scene, entry):
+        return entry.error
+    return iface_("The camera of this photo was deleted; Remove Photo takes the line off the list.")
 
 
 classes = (GSSMC_UL_photos, GSSMC_PT_photos)

@@ -138,11 +138,14 @@ def note_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], i
 
 def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
     if self.photo:
+        context.window_manager.gssmc.tell("")  # that there was none
         photo_image.show_behind(self.id_data, self.photo)
 
 
 def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
     """A scene's first splat brings the preferences' preset, for settings that nobody has touched."""
+    if self.splat:
+        context.window_manager.gssmc.tell("")  # that there was none, or one no longer in the scene
     preset = PRESETS.get(preferences.preset(context))
     names = [option.name for option in fields(RefineSettings) if option.name not in MODEL_OF]
     if self.splat and preset and not any(self.is_property_set(name) for name in names):
@@ -196,7 +199,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "lens_calibrated": BoolProperty(
             name="Calibrated",
             description="The focal length is known well, from a calibration. Otherwise it is a guess (from EXIF, or by eye), "
-            "for which Refine solves when Lens is Auto",
+            "for which Refine solves when Solve For is Auto",
         ),
         "frame_x": IntProperty(name="Frame X", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
         "frame_y": IntProperty(name="Frame Y", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
@@ -218,6 +221,11 @@ class GssmcWindow(bpy.types.PropertyGroup):
         "message_icon": StringProperty(name="Icon", default="INFO"),
         "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
+
+    def tell(self, message: str, icon: str = "INFO") -> None:
+        """Sets the message. The same again is not written, for Blender draws the whole window anew then."""
+        if (self.message, self.message_icon) != (message, icon):
+            self.message, self.message_icon = message, icon
 
 
 classes = (photo_entry.GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)

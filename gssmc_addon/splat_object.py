@@ -29,7 +29,9 @@ def check_picked(scene: bpy.types.Scene, splat: bpy.types.Object | None) -> None
     if splat is None:
         raise RefineError(rpt_("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel."))
     if splat.name not in scene.objects:
-        raise RefineError(rpt_('The splat "{name}" is no longer in the scene; pick another one in the panel.', name=splat.name))
+        raise RefineError(
+            rpt_('The splat "{name}" is no longer in the scene; import one, or pick another in the panel.', name=splat.name)
+        )
 
 
 def splat_attributes(scene: GaussianScene, base: np.ndarray) -> list[tuple[str, str, np.ndarray]]:

@@ -51,7 +51,14 @@ class _Work:
     key: Any
     draw: SplatDraw
     ground: Ground
+    moving: bool
     done: int = 0
+    seconds: float = 0.0
+
+    def part(self, slice_count: int) -> range:
+        """What is drawn next. A moving picture's is half of it at least, for a redraw may come between any two."""
+        count = max(slice_count, -(-self.draw.count // 2)) if self.moving else slice_count
+        return range(self.done, min(self.draw.count, self.done + count))
 
 
 class Canvas:
@@ -73,17 +80,20 @@ class Canvas:
         return self._shown is not None
 
     def paint(self, painter: Painter, draw: SplatDraw, depth: Depth, budget: Budget, moving: bool) -> None:
-        """Brings the picture up to date, or has that begun."""
-        key = draw.key(), depth.stamp
-        if moving:
+        """Brings the picture up to date, or has that begun.
+
+        The very first is not drawn at once even if the view moves: it is not known yet how long drawing takes, and some
+        drivers compile the shader in it.
+        """
+        key, shrink = (draw.key(), depth.stamp), budget.shrink if moving else 1
+        if self._shown_key == (key, 1) or (moving and self._shown_key and self._shown_key[0] == key):
             self._work = None
-            if self._shown_key not in {(key, 1), (key, budget.shrink)}:
-                self._paint_at_once(painter, draw, depth.ground(budget.shrink), budget)
-                self._shown_key = key, budget.shrink
-        elif self._shown_key == (key, 1):
+        elif moving and (self._shown or (self._work and self._work.key != key)):
             self._work = None
+            self._paint_at_once(painter, draw, depth.ground(shrink), budget)
+            self._shown_key = key, shrink
         elif self._work is None or self._work.key != key:
-            self._work = _Work(key, draw, depth.ground(1))
+            self._work = _Work(key, draw, depth.ground(shrink), moving)
             budget.begin()
             if draw.count <= budget.slice:  # no need to wait for another redraw
                 self.advance(painter, budget)
@@ -115,7 +125,7 @@ class Canvas:
         work = self._work
         if work is None:
             return False
-        part = range(work.done, min(work.draw.count, work.done + budget.slice))
+        part = work.part(budget.slice)
         start = time.perf_counter()
         if work.done == 0:
             self._next = _sized(self._next, work.ground.size)
@@ -124,12 +134,16 @@ class Canvas:
                 gpu.state.active_framebuffer_get().clear(color=(0.0, 0.0, 0.0, 0.0))
             painter.draw_splats(work.draw, work.ground, part)
             _wait()
-        budget.sliced(len(part), time.perf_counter() - start)
-        work.done = part.stop
+        seconds = time.perf_counter() - start
+        if not work.moving:
+            budget.sliced(len(part), seconds)
+        work.done, work.seconds = part.stop, work.seconds + seconds
         if work.done < work.draw.count:
             return False
         self._shown, self._next, self._work = self._next, self._shown, None
-        self._shown_key = work.key, 1
+        self._shown_key = work.key, work.ground.depth_step
+        if work.moving:
+            budget.moved(work.draw.count, work.seconds)
         return True
 
 

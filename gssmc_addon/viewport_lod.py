@@ -8,20 +8,22 @@ from __future__ import annotations
 
 MOVING_S = 0.04  # aimed at for the splats of a redraw while the view moves
 SLICE_S = 0.03  # and for a slice of the resting picture; the nearest Gaussians, drawn last, may take several times as long
-FEWEST = 10_000
+FEWEST = 10_000  # in a moving picture; also to begin with, for nothing is known then of how long drawing takes
 SMALLEST_SLICE = 1_000
 LARGEST = 100_000_000
 SHRINKS = (1, 2, 4)
-MOVING = {False: (250_000, 1), True: (20_000, 2)}  # to begin with, by whether the processor draws: Gaussians, shrink
+SHRINK = {False: 1, True: 2}  # to begin with, by whether the processor draws
 SLICE = {False: 1_000_000, True: 4_000}
 MOST_MOVING = 1_000_000
+GROWTH = 8.0  # at most, from one moving picture to the next
+LEAP = 2  # a sample that may grow so much is drawn anew before the view moves on
 
 
 class Budget:
     """Learns from measured passes; one for all regions. `shrink`: pixels of the viewport to one of a moving picture's."""
 
     def __init__(self, software: bool) -> None:
-        self.moving, self.shrink = MOVING[software]
+        self.moving, self.shrink = FEWEST, SHRINK[software]
         self.slice = self._first_slice = SLICE[software]
 
     def begin(self) -> None:
@@ -30,7 +32,7 @@ class Budget:
 
     def moved(self, drawn: int, seconds: float) -> None:
         """A moving picture of `drawn` Gaussians took `seconds`."""
-        at = SHRINKS.index(self.shrink)
+        at, factor = SHRINKS.index(self.shrink), 0.8 * MOVING_S / max(seconds, 1e-6)
         if seconds > 2 * MOVING_S:
             if at + 1 < len(SHRINKS):
                 self.shrink = SHRINKS[at + 1]
@@ -38,8 +40,12 @@ class Budget:
                 self.moving = max(FEWEST, int(self.moving * 0.7))
         elif seconds < 0.2 * MOVING_S and at > 0:
             self.shrink = SHRINKS[at - 1]
-        elif seconds < 0.5 * MOVING_S and drawn >= self.moving:
-            self.moving = min(MOST_MOVING, int(self.moving * 1.3))
+        elif factor > 1.1 and drawn >= self.moving:
+            self.moving = int(min(MOST_MOVING, self.moving * min(factor, GROWTH)))
+
+    def leaps(self, drawn: int, limit: int) -> bool:
+        """Whether so many more than `drawn` may be drawn that another moving picture pays; a fast card is there at once."""
+        return min(self.moving, limit) >= LEAP * max(drawn, 1)
 
     def sliced(self, drawn: int, seconds: float) -> None:
         """A slice of `drawn` Gaussians took `seconds`. A short last one says nothing about longer ones."""

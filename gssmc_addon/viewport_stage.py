@@ -138,8 +138,10 @@ class Stage:
             working = view.canvas.working or (textures is not None and not textures.complete)
             if working and not drawn:
                 changed, drawn = self._carry_on(view, textures) or changed, True
-            if view.rests() and (view.count < view.limit or not view.rested):  # the picture that was good enough to move
-                changed = True
+            if view.rests():  # what is shown was good enough to move
+                changed = changed or view.count < view.limit or not view.rested
+            elif view.canvas.shows and self.budget is not None:
+                changed = changed or self.budget.leaps(view.count, view.limit)
             view.rested = view.rests()
             busy = busy or working or not view.rested
         if changed:

@@ -26,7 +26,7 @@ class AddsPicture(PlainOperator, FromFile):
 
     filter_image: BoolProperty(default=True, options={"HIDDEN"})
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
-    camera: EnumProperty(name="Camera", items=CAMERA_ITEMS, default="AUTO")
+    camera: EnumProperty(name="Camera", items=CAMERA_ITEMS, default="AUTO", description="Which camera it is set behind")
     camera_file: StringProperty(
         name="Camera File",
         subtype="FILE_PATH",
@@ -63,10 +63,9 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
         photo = photo_image.read_any_photo(self.filepath)
         camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))
         photo_list.note(context.scene, camera, photo)
-        photo_camera.look_through(context, camera)
+        photo_list.pick(context.scene, camera)  # and look through it
         values = {"photo": image.name, "camera": camera.name, "x": photo.width, "y": photo.height}
-        self.report({"INFO"}, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))
-        return {"FINISHED"}
+        return self.done(context, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))
 
 
 classes = (GSSMC_OT_add_photo,)

@@ -40,11 +40,8 @@ class _AddPhotos(JobFromFile):
             return self.refuse(context, message)
         for name, message in job.failed:
             photo_list.note_unreadable(scene, name, message)
-        first = jobs.by_uid(scene.objects, job.added[0])
-        scene.gssmc.photo_index = next(i for i, entry in enumerate(scene.gssmc.photos) if entry.camera == first)
-        self.tell(context, "")
-        self.report({"WARNING" if job.failed else "INFO"}, _summary(job))
-        return {"FINISHED"}
+        photo_list.pick(scene, jobs.by_uid(scene.objects, job.added[0]))
+        return self.done(context, _summary(job), "WARNING" if job.failed else "INFO")
 
     def stopped(self, context, job):
         if job.added:

@@ -37,8 +37,7 @@ class GSSMC_OT_add_plate(Idle, AddsPicture, bpy.types.Operator):
         plate_source.set_frames(camera.data, image, start, first, last)
         photo_camera.look_through(context, camera)
         values = {"plate": image.name, "camera": camera.name, "start": start, "end": start + last - first}
-        self.report({"INFO"}, rpt_('"{plate}" is set behind "{camera}", frames {start} to {end}.', **values))
-        return {"FINISHED"}
+        return self.done(context, rpt_('"{plate}" is set behind "{camera}", frames {start} to {end}.', **values))
 
 
 classes = (GSSMC_OT_add_plate,)

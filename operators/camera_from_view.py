@@ -40,8 +40,7 @@ class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):
         keyed = camera_channels.write_keyframes(scene, camera)
         view.region.view_perspective = "CAMERA"
         moved = rpt_('"{name}" stands where the view was.', name=camera.name)
-        self.report({"INFO"}, f"{moved} {keyed}".strip())
-        return {"FINISHED"}
+        return self.done(context, f"{moved} {keyed}".strip())
 
 
 classes = (GSSMC_OT_camera_from_view,)

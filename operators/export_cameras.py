@@ -25,7 +25,7 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
 
     filename_ext = ".json"
     filter_glob: StringProperty(default="*.json;*.txt", options={"HIDDEN"})
-    format: EnumProperty(name="Format", items=FORMATS, default="JSON")
+    format: EnumProperty(name="Format", items=FORMATS, default="JSON", description="What other programs read")
     selected: BoolProperty(
         name="Selected Only", default=False, description="The selected cameras; otherwise all of the scene that have a photo"
     )
@@ -57,8 +57,7 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         if self.world:
             found = camera_exchange.out_of_training_world(found, Path(bpy.path.abspath(self.world)))
         camera_exchange.write(path, self.format, found)
-        self.report({"INFO"}, rpt_("{count} cameras were written to '{path}'.", count=len(found), path=path))
-        return {"FINISHED"}
+        return self.done(context, rpt_("{count} cameras were written to '{path}'.", count=len(found), path=path))
 
     def _objects(self, context):
         source = context.selected_objects if self.selected else context.scene.objects

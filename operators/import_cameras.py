@@ -53,9 +53,7 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
         words = [rpt_('{count} cameras from "{file}", {shown} of them with their photo.', **values)]
         if job.left_out:
             words.append(rpt_("{count} without a lens were left out.", count=job.left_out))
-        self.tell(context, "")
-        self.report({"INFO"}, " ".join(words))
-        return {"FINISHED"}
+        return self.done(context, " ".join(words))
 
     def stopped(self, context, job):
         return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")

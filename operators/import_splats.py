@@ -160,8 +160,7 @@ class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
         words = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
         if scene.dropped:
             words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
-        self.report({"INFO"}, " ".join(words))
-        return {"FINISHED"}
+        return self.done(context, " ".join(words))
 
     def _say(self, context, fraction):
         """At the mouse: without a graphics card, each redraw of the status bar holds the window up for 0.1 s."""

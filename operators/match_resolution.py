@@ -23,8 +23,7 @@ class GSSMC_OT_match_resolution(OfPhoto, bpy.types.Operator):
         lens = camera_bridge.photo_intrinsics(scene, camera.data, width, height)
         notes = photo_camera.frame(scene, width, height, allowed=True)
         camera_bridge.write_intrinsics(scene, camera.data, lens)
-        self.report({"INFO"}, " ".join(notes) or "The render has the photo's shape already.")
-        return {"FINISHED"}
+        return self.done(context, " ".join(notes) or rpt_("The render has the photo's shape already."))
 
 
 classes = (GSSMC_OT_match_resolution,)

@@ -26,8 +26,10 @@ class GSSMC_OT_download_model(PlainOperator, bpy.types.Operator):
     bl_label = "Download Model"
     bl_options = {"INTERNAL"}
 
-    model: EnumProperty(name="Model", items=ITEMS)
-    accept_licence: BoolProperty(name="I accept the licence", default=False, options={"SKIP_SAVE"})
+    model: EnumProperty(name="Model", items=ITEMS, description="Which model to download")
+    accept_licence: BoolProperty(
+        name="I accept the licence", default=False, description="Nothing is downloaded without it", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context):
@@ -90,8 +92,7 @@ class GSSMC_OT_download_model(PlainOperator, bpy.types.Operator):
             if isinstance(news, Failure):
                 return self.refuse(news.message)
             if isinstance(news, Finished):
-                self.report({"INFO"}, rpt_("{model} is there; choose ALIKED or Auto in the panel's settings.", model=title))
-                return {"FINISHED"}
+                return self.done(context, rpt_("{model} is there; choose ALIKED or Auto in the panel's settings.", model=title))
             if context.workspace:
                 done = iface_("Downloading {model}: {percent:.0f} %    Esc: stop", model=title, percent=100 * news.fraction)
                 context.workspace.status_text_set(done)

@@ -50,12 +50,10 @@ class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
         shown = preview_images.show(image)
         preview_images.set_behind(camera.data, image if self.background else None)
         context.window_manager.gssmc.preview.flicker = self.style == "FLICKER" and shown
-        words = [_told(camera, result)]
-        if not shown and not self.background:
+        words, seen = [_told(camera, result)], shown or self.background
+        if not seen:
             words.append(rpt_('Open an Image Editor and pick "{image}" in its header to see it.', image=image.name))
-        self.tell(context, " ".join(words))
-        self.report({"INFO"}, " ".join(words))
-        return {"FINISHED"}
+        return self.done(context, " ".join(words), line="" if seen and not result.matches else " ".join(words))
 
     def stopped(self, context, job):
         return self.refuse(context, rpt_("The preview was cancelled."), level="INFO")

@@ -32,9 +32,8 @@ class GSSMC_OT_refine(JobOperator, bpy.types.Operator):
 
     def apply(self, context, job, report):
         message = jobs.apply_report(job.targets, report)
-        self.tell(context, "")  # the verdict on the camera says it all
-        self.report({"WARNING" if report.verdict != "trusted" else "INFO"}, message)
-        return {"CANCELLED" if report.verdict == "failed" else "FINISHED"}
+        done = self.done(context, message, "WARNING" if report.verdict != "trusted" else "INFO")  # the panel shows the verdict
+        return {"CANCELLED"} if report.verdict == "failed" else done
 
     def stopped(self, context, job):
         return self.refuse(context, rpt_("The refinement was cancelled; nothing was changed."), level="INFO")

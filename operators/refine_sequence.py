@@ -85,10 +85,9 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         reasons = [job.summary(), *sorted({f"{message}" for message in job.bad.values()})][:4]
         properties.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
         camera.data.gssmc.bad_frames = frame_list(job.bad)
-        self.tell(context, "")
         values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
-        self.report({"INFO" if trusted else "WARNING"}, rpt_('"{name}": {summary} {count} keys were set.', **values))
-        return {"FINISHED"}
+        message = rpt_('"{name}": {summary} {count} keys were set.', **values)
+        return self.done(context, message, "INFO" if trusted else "WARNING")
 
     def _range(self, context):
         """The frames that scene and plate share. Raises RefineError."""

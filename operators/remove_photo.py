@@ -4,11 +4,11 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..gssmc_addon import photo_image, photo_list
-from ..gssmc_addon.job_operator import Idle
+from ..gssmc_addon.job_operator import Idle, Reporter
 from ..gssmc_addon.texts import rpt_
 
 
-class GSSMC_OT_remove_photo(Idle, bpy.types.Operator):
+class GSSMC_OT_remove_photo(Idle, Reporter, bpy.types.Operator):
     """Take the photo out of the list, and its camera out of the scene"""
 
     bl_idname = "gssmc.remove_photo"
@@ -33,8 +33,7 @@ class GSSMC_OT_remove_photo(Idle, bpy.types.Operator):
         if camera and self.camera:
             _delete(camera)
         own.photo_index = max(0, min(index, len(own.photos) - 1))
-        self.report({"INFO"}, rpt_('"{photo}" was removed.', photo=title))
-        return {"FINISHED"}
+        return self.done(context, rpt_('"{photo}" was removed.', photo=title))
 
 
 def _delete(camera):

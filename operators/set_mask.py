@@ -41,8 +41,7 @@ class GSSMC_OT_set_mask(PlainOperator, bpy.types.Operator, FromFile):
                 bpy.data.images.remove(new)
             raise
         camera.data.gssmc.mask = image
-        self.report({"INFO"}, said)
-        return {"FINISHED"}
+        return self.done(context, said)
 
 
 class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
@@ -73,8 +72,10 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
             camera.data.gssmc.mask = mask
         values = {"count": len(masks), "photos": len(cameras), "folder": folder.name}
         told = rpt_("{count} of {photos} photos have a mask in '{folder}'.", **values)
-        self.report({"INFO" if masks else "WARNING"}, told)
-        return {"FINISHED" if masks else "CANCELLED"}
+        if masks:
+            return self.done(context, told)
+        self.report({"WARNING"}, told)
+        return {"CANCELLED"}
 
 
 def _load(path):

@@ -19,8 +19,7 @@ class GSSMC_OT_undistort_photo(OfPhoto, bpy.types.Operator):
     def run(self, context):
         camera = context.scene.camera
         copy = self._copy(context.scene, camera)
-        self.report({"INFO"}, rpt_('"{photo}" is set behind "{camera}".', photo=copy.name, camera=camera.name))
-        return {"FINISHED"}
+        return self.done(context, rpt_('"{photo}" is set behind "{camera}".', photo=copy.name, camera=camera.name))
 
     def _copy(self, scene, camera):
         data, image = camera.data, photo_image.camera_photo(camera)

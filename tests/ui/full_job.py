@@ -15,7 +15,6 @@ import bpy
 HERE = os.path.dirname(__file__)
 JOB_LIMIT_S = 150
 SHADER_COMPILE_S = 40
-REFINE_BUTTON = (1166, 562)  # in a window of 1600 x 1000, pixels from the bottom left
 
 
 def jobs():
@@ -58,6 +57,21 @@ def until_free(limit=30.0):
             calm = time.time()
 
 
+def find_button(command):
+    """Window pixels of the panel's button that calls `command`, which Ctrl-C over a button puts on the clipboard."""
+    _, _, _, _, sidebar_region = view3d()
+    x, manager = sidebar_region.x + int(0.45 * sidebar_region.width), bpy.context.window_manager
+    manager.clipboard = ""
+    for y in range(sidebar_region.y + sidebar_region.height - 40, sidebar_region.y, -10):
+        move(x, y)
+        yield 0.2
+        press("C", x, y, ctrl=True)
+        yield 0.1
+        if manager.clipboard.startswith(f"bpy.ops.{command}("):
+            return x, y
+    raise AssertionError(f"the panel shows no button of {command}")
+
+
 def set_up():
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     shot("extra-1-empty.png")
@@ -95,9 +109,8 @@ def escape():
 def refine_and_undo():
     """By the mouse, on the panel's own button."""
     before = camera_state()
-    move(REFINE_BUTTON[0] - 5, REFINE_BUTTON[1])
-    yield 0.5
-    click(*REFINE_BUTTON)
+    button = yield from find_button("gssmc.refine")
+    click(*button)
     yield from wait_until(jobs().active, "a click on Refine Camera must start the job")
     yield 2.0
     shot("extra-6a-running.png")

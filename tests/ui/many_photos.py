@@ -1,7 +1,8 @@
 """Many photos, the preview and a moving plate in the real window; screenshots to look at.
 
 Not part of pytest; see full_job.py for how it is run. Beside this file: scene.ply, photos/ and starts.json, plate/ and
-start.json.
+start.json. docs/photos.jpg is what it shows of the sample room (and a file cut short) after all_of_them, at 80 %, with the
+settings' defaults, the splat drawn, the render of the photo's resolution and the timeline closed.
 """
 
 # ruff: noqa: F821 - the driver provides view3d, sidebar, press and shot
@@ -13,7 +14,8 @@ import time
 import bpy
 
 HERE = os.path.dirname(__file__)
-JOB_LIMIT_S = 150
+PHOTO_LIMIT_S = 150  # for each photo, or frame of the plate
+QUICK = {"long_side_px": 320, "final": "none", "candidates": 4, "iterations": 3}  # what is looked at is the window
 
 
 def jobs():
@@ -26,10 +28,10 @@ def in_view(operator, *args, **kwargs):
         return operator(*args, **kwargs)
 
 
-def wait_for_job(limit=JOB_LIMIT_S):
+def wait_for_job():
     """Waits; prints the longest time in which the window could not answer."""
     begun = last = time.time()
-    gap = 0.0
+    gap, limit = 0.0, PHOTO_LIMIT_S * getattr(jobs().active(), "count", 1)
     while jobs().active() and time.time() - begun < limit:
         yield 0.02
         gap, last = max(gap, time.time() - last), time.time()
@@ -52,7 +54,10 @@ def set_up():
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     bpy.data.objects.remove(bpy.data.objects["Camera"])
     in_view(bpy.ops.gssmc.import_splats, filepath=HERE + "/scene.ply", show_colours=False)
-    bpy.context.scene.gssmc.splat.display_type = "BOUNDS"  # without a graphics card, drawing all points delays everything
+    own = bpy.context.scene.gssmc
+    own.splat.gssmc.show_as = "BOX"  # without a graphics card, drawing splats delays everything
+    for name, value in QUICK.items():
+        setattr(own, name, value)
     in_view(bpy.ops.gssmc.add_photo_folder, directory=HERE + "/photos", camera_file=HERE + "/starts.json")
     bpy.ops.ed.undo_push(message="photos")
     yield 2.0
@@ -64,8 +69,7 @@ def escape_keeps_what_is_done():
     in_view(bpy.ops.gssmc.refine_all, "INVOKE_DEFAULT")
     yield 2.0
     shot("extra-m2-running.png")
-    while jobs().active().index < 1:
-        yield 0.1
+    yield from wait_until(lambda: jobs().active().index >= 1, "the first photo must come to its end", PHOTO_LIMIT_S)
     pressed = time.time()
     press("ESC")
     while jobs().active() and time.time() - pressed < 10:
@@ -143,3 +147,4 @@ def steps():
     yield 1.0
     for part in (set_up, escape_keeps_what_is_done, all_of_them, preview, plate):
         yield from part()
+        print("ok", part.__name__, flush=True)

@@ -3,6 +3,9 @@
 import ast
 from pathlib import Path
 
+import pytest
+from samples import write_photo
+
 HERE = Path(__file__).parent
 
 
@@ -33,3 +36,54 @@ def test_cancel_stops_the_running_job(bpy, extension, scene):
     finally:
         jobs.end(job)
     assert bpy.ops.gssmc.refine.poll()
+
+
+def complaint(bpy):
+    """The line that a refinement which cannot begin leaves in the panel."""
+    with pytest.raises(RuntimeError):
+        bpy.ops.gssmc.refine()
+    own = bpy.context.window_manager.gssmc
+    assert own.message_icon == "ERROR"
+    return own.message
+
+
+def test_an_import_clears_that_there_is_no_splat(bpy, splat_file):
+    assert "No splat is picked" in complaint(bpy)
+    with pytest.raises(RuntimeError):
+        bpy.ops.gssmc.import_splats(filepath=str(splat_file.with_name("none.ply")))
+    assert "No splat is picked" in bpy.context.window_manager.gssmc.message, "that still holds"
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    assert bpy.context.window_manager.gssmc.message == ""
+    splat, bpy.context.scene.gssmc.splat = bpy.context.scene.gssmc.splat, None
+    assert "No splat is picked" in complaint(bpy)
+    bpy.context.scene.gssmc.splat = splat
+    assert bpy.context.window_manager.gssmc.message == "", "picked by hand"
+
+
+def test_a_photo_picked_by_hand_clears_that_there_is_none(bpy, scene):
+    data = scene.camera.data
+    photo, data.gssmc.photo = data.gssmc.photo, None
+    data.background_images.clear()
+    assert "has no photo" in complaint(bpy)
+    data.gssmc.photo = photo
+    assert bpy.context.window_manager.gssmc.message == ""
+
+
+def success(bpy, scene, tmp_path, name):
+    """One operator of each kind, called so that it does its work."""
+    if name == "add_photos":
+        return bpy.ops.gssmc.add_photos(filepath=str(write_photo(tmp_path / "b.png")))
+    if name == "set_mask":
+        return bpy.ops.gssmc.set_mask(filepath=str(write_photo(tmp_path / "mask.png")))
+    if name == "export_cameras":
+        return bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "cameras.json"))
+    return getattr(bpy.ops.gssmc, name)()
+
+
+@pytest.mark.parametrize("name", ["add_photos", "set_mask", "export_cameras", "match_resolution", "remove_photo"])
+def test_every_success_clears_the_panels_line(bpy, scene, tmp_path, name):
+    scene.camera.data.type = "PANO"
+    assert complaint(bpy)
+    scene.camera.data.type = "PERSP"
+    assert success(bpy, scene, tmp_path, name) == {"FINISHED"}
+    assert bpy.context.window_manager.gssmc.message == ""

@@ -1,8 +1,11 @@
 """Many photos: a folder becomes cameras, the queue refines them, what fails stays where it was and says why."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import rooms
+from panels_drawn import Layout
 from samples import counts, write_photo
 
 from core.camera import pose_error
@@ -135,7 +138,48 @@ def test_a_photo_is_removed_with_its_camera_or_without(bpy, listed):
 
 def test_add_photo_puts_its_camera_on_the_list(bpy, tmp_path):
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    assert [entry.camera for entry in bpy.context.scene.gssmc.photos] == [bpy.context.scene.camera]
+    own, first = bpy.context.scene.gssmc, bpy.context.scene.camera
+    assert [entry.camera for entry in own.photos] == [first]
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "b.png")), camera="NEW")
+    assert [entry.camera for entry in own.photos] == [first, bpy.context.scene.camera]
+    assert own.photo_index == 1, "the photo that is looked at is the one that Remove Photo would take"
+
+
+def rows(bpy, extension):
+    """What each line of the list says, and what the box below it says of the picked one."""
+    panel, own = extension("gssmc_addon.photo_panel"), bpy.context.scene.gssmc
+    said = []
+    for entry in own.photos:
+        layout = Layout()
+        panel.GSSMC_UL_photos.draw_item(None, bpy.context, layout, own, entry, 0, own, "photo_index", 0)
+        said.append([*filter(None, layout.said)])
+    below, seen = Layout(), SimpleNamespace(scene=bpy.context.scene, region=SimpleNamespace(width=2000))
+    seen.preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1))
+    panel._draw_error(below, seen)
+    return said, " ".join(below.said)
+
+
+def test_what_is_wrong_stands_below_the_list_in_full(bpy, listed, extension):
+    own = listed.gssmc
+    assert rows(bpy, extension) == ([["ticked", "name"]] * 3, "")
+    own.photos[0].error = "A sentence that no line of the list has room for."
+    assert rows(bpy, extension) == ([["ticked", "name"]] * 3, own.photos[0].error)
+    listed.collection.objects.unlink(own.photos[1].camera)  # deleted by the user: the list keeps it
+    own.photo_index = 1
+    said, below = rows(bpy, extension)
+    assert said[1] == ["ticked", "p1"]
+    assert "was deleted" in below
+    bpy.data.objects.remove(own.photos[1].camera)
+    assert rows(bpy, extension)[0][1] == ["ticked", "Camera deleted"]
+
+
+def test_progress_names_the_photo_as_it_is(bpy, listed, extension):
+    settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
+    job, layout = extension("gssmc_addon.photo_queue").queue(listed, "ALL", settings), Layout()
+    job.index = 1
+    job.begin_item(1)
+    extension("gssmc_addon.panels")._draw_progress(layout, job)
+    assert layout.said == ["p1", "Photo 2 of 3", "gssmc.cancel"]
 
 
 def test_a_stopped_queue_keeps_what_is_done(bpy, listed, extension):

@@ -98,6 +98,7 @@ def test_behind_the_camera_on_request_and_away_again(bpy, place, extension):
     bpy.ops.gssmc.preview(style="DIAGONAL", background=True)
     images = [slot.image for slot in data.background_images]
     assert images == [data.gssmc.photo, find(extension, "picture")]
+    assert bpy.context.window_manager.gssmc.message == "", "it is to be seen"
     bpy.ops.gssmc.preview(style="DIAGONAL", background=False)
     assert [slot.image for slot in data.background_images] == [data.gssmc.photo]
     with pytest.raises(RuntimeError, match="cannot stand behind"):

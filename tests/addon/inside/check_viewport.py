@@ -266,37 +266,100 @@ def test_slow_machines_get_less_to_do(extension):
     assert (fast.slice, slow.slice) == (lod.SLICE[False], lod.SMALLEST_SLICE), "another view may be a slower one"
 
 
-def test_a_resting_picture_grows_between_redraws(drawing, extension, room):
-    """One redraw begins it, slices go on without another, and at the end it is the picture drawn in one go."""
+def pictures(budget, limit, seconds_each):
+    """How many Gaussians the first pictures of a moving view show, on a card that takes so long for each."""
+    shown = [min(budget.moving, limit)]
+    for _ in range(20):
+        budget.moved(shown[-1], 0.001 + shown[-1] * seconds_each)
+        if not budget.leaps(shown[-1], limit):
+            return shown
+        shown.append(min(budget.moving, limit))
+    raise AssertionError(f"no end of redraws: {shown}")
+
+
+def test_the_first_picture_is_small_and_a_fast_card_is_there_soon(extension):
+    lod = extension("gssmc_addon.viewport_lod")
+    for software in (False, True):  # not every software GL says its name
+        assert lod.Budget(software).moving <= 10_000
+    fast = pictures(lod.Budget(False), 900_000, 1e-9)
+    assert lod.LEAP * fast[-1] > 900_000, "all of them as soon as the view rests"
+    assert len(fast) <= 3
+    assert pictures(lod.Budget(False), 5_000, 1e-9) == [5_000], "all there is"
+    assert pictures(lod.Budget(False), 0, 1e-9) == [0]
+    budget = lod.Budget(True)
+    assert pictures(budget, 900_000, 5e-6) == [10_000], "a redraw costs more than it would show"
+    for _ in range(10):
+        budget.moved(budget.moving, budget.moving * 2.5e-6)
+    assert 0.5 * lod.MOVING_S < budget.moving * 2.5e-6 < lod.MOVING_S, "it grows to what there is time for, and stays there"
+
+
+def drawn_room(extension, room, camera):
+    """Painter, what it is to draw, and the viewport's empty depth, for a canvas."""
     data, drawer = extension("gssmc_addon.viewport_data"), extension("gssmc_addon.viewport_gpu")
-    canvases, lod = extension("gssmc_addon.viewport_canvas"), extension("gssmc_addon.viewport_lod")
-    camera = sample_cameras()[2]
-    size = camera.intrinsics.width, camera.intrinsics.height
     view, projection = matrices(camera)
     tables = data.build_tables(room.means, room.scales, room.rotations, base_of(room), 10**8)
     textures = drawer.SplatTextures(tables)
     while not textures.send_next():
         pass
     order = drawer.texture(data.order_table(data.back_to_front(tables.means, np.array(view.row[2][:3]))))
-    draw = drawer.SplatDraw(textures, order, tables.count, 1.0, view, projection, 0)
-    painter, budget, depth, canvas = drawer.Painter(), lod.Budget(True), canvases.Depth(), canvases.Canvas()
-    depth.values = np.ones(size[::-1], np.float32)
+    depth = extension("gssmc_addon.viewport_canvas").Depth()
+    depth.values = np.ones((camera.intrinsics.height, camera.intrinsics.width), np.float32)
+    return drawer.Painter(), drawer.SplatDraw(textures, order, tables.count, 1.0, view, projection, 0), depth
+
+
+def slices(canvas, painter, budget):
+    """How many it takes between redraws until the picture stands; nothing half done may be shown."""
+    for count in range(1, 1000):
+        if canvas.advance(painter, budget):
+            assert canvas.shows
+            assert not canvas.working
+            return count
+        assert not canvas.shows
+    raise AssertionError("the picture is never complete")
+
+
+def test_a_resting_picture_grows_between_redraws(drawing, extension, room):
+    """One redraw begins it, slices go on without another, and at the end it is the picture drawn in one go."""
+    camera = sample_cameras()[2]
+    size = camera.intrinsics.width, camera.intrinsics.height
+    painter, draw, depth = drawn_room(extension, room, camera)
+    budget, canvas = extension("gssmc_addon.viewport_lod").Budget(True), extension("gssmc_addon.viewport_canvas").Canvas()
     canvas.paint(painter, draw, depth, budget, moving=False)
     assert canvas.working
     assert not canvas.shows, "nothing half done is shown"
-    slices = 1
-    while not canvas.advance(painter, budget):
-        assert not canvas.shows
-        slices += 1
-    assert slices > 1
-    assert canvas.shows
-    assert not canvas.working
+    assert slices(canvas, painter, budget) > 1
     with canvas._shown.bind():
         frame = drawing.state.active_framebuffer_get()
         pixels = np.array(frame.read_color(0, 0, *size, 4, 0, "FLOAT"), np.float32).reshape(size[1], size[0], 4)[::-1]
     canvas.free()
     whole = picture(drawing, extension, room, camera)
     assert np.abs(pixels - whole).mean() < 0.005, "half floats, blended in slices"
+
+
+def test_only_the_first_picture_of_a_moving_view_takes_its_time(drawing, extension, room):
+    """In slices, for nobody knows yet how long drawing takes; the next is drawn at once, be the first complete or not."""
+    painter, draw, depth = drawn_room(extension, room, sample_cameras()[2])
+    budget = extension("gssmc_addon.viewport_lod").Budget(True)
+    turned = replace(draw, stamp=1)
+    for complete in (True, False):
+        canvas, measured = extension("gssmc_addon.viewport_canvas").Canvas(), []
+        budget.moved = lambda drawn, seconds, measured=measured: measured.append(drawn)
+        canvas.paint(painter, draw, depth, budget, moving=True)
+        assert canvas.working
+        assert not canvas.shows
+        if complete:
+            assert slices(canvas, painter, budget) == 2
+            assert measured == [draw.count], "its time counts as that of any moving picture"
+            budget.shrink = 4
+            canvas.paint(painter, draw, depth, budget, moving=True)
+            assert not canvas.working, "the same again is there already, be it finer than the next one"
+            assert measured == [draw.count]
+        canvas.paint(painter, turned, depth, budget, moving=True)
+        assert canvas.shows
+        assert not canvas.working
+        assert measured[-1:] == [draw.count]
+        assert len(measured) == 1 + complete
+        canvas.free()
 
 
 def test_an_imported_splat_is_written_in_steps(bpy, extension, splat_file):
