@@ -1,11 +1,13 @@
 """Speed and memory of the rasteriser, beside its slow twin and a native C++ renderer in the same run.
 
     .venv/bin/python benchmarks/render.py [--quick] [--repeats N] [--sizes 10000 100000 1000000 5000000]
-    .venv/bin/python benchmarks/render.py --stages [--repeats N]
+    .venv/bin/python benchmarks/render.py --stages | --side-by-side [--repeats N]
 
 Every line is a process of its own, so that the peak memory is that of the line (scene included). ms: median of the repeats
 after a warm-up frame; the native renderer (../shared/tools/refsplat, needs g++) draws the same scene and camera right after.
 The twin is timed once, on the smallest case. The scans need ../shared/scenes; what is absent is left out and said.
+--side-by-side: eight views of the fox at 360x640, as a refinement draws them, one after the other, in two threads of this
+process and in two processes, by turns.
 --stages: fox at 360x640 on one thread and two, frames taking turns, their ratio and the processor time of each stage.
 """
 
@@ -21,6 +23,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -32,7 +36,7 @@ sys.path.insert(0, str(ROOT))
 
 import core.render.renderer as stages_of
 from core.camera import Intrinsics, Pose
-from core.render import Renderer, RenderSettings, render_reference
+from core.render import ProcessRenderer, Renderer, RenderSettings, render_reference
 from core.splats import read_splats
 from core.splats.ply import write_ply
 from core.splats.scene import GaussianScene
@@ -198,17 +202,45 @@ def print_stages(repeats: int) -> None:
             print(f"| {view} | {threads} | {ms:.1f} | {gain:.2f} | " + " | ".join(f"{c:.1f}" for c in cpu) + " |", flush=True)
 
 
+def print_side_by_side(repeats: int, count: int = 2) -> None:
+    """Seconds for eight views: a median of the repeats after a warm-up, and the gain over one after the other."""
+    loaded = [load({"scan": "fox", "frame": view % 3, "size": (360, 640)}) for view in range(8)]
+    scene, views = loaded[0][0], [(k, pose) for _, k, pose in loaded]
+    one = Renderer(scene, RenderSettings(threads=1))
+    with ProcessRenderer(scene, RenderSettings(threads=count)) as several, ThreadPoolExecutor(count) as pool:
+        ways: dict[str, Callable[[], object]] = {
+            "one after the other": lambda: [one.render(*view) for view in views],
+            f"{count} threads": lambda: list(pool.map(lambda view: one.render(*view), views)),
+            f"{count} processes": lambda: list(pool.map(lambda view: several.render(*view), views)),
+        }
+        time.sleep(3)  # until the other process is there
+        seconds: dict[str, list[float]] = {name: [] for name in ways}
+        for _ in range(repeats + 1):
+            for name, draw in ways.items():
+                start = time.perf_counter()
+                draw()
+                seconds[name].append(time.perf_counter() - start)
+    medians = {name: float(np.median(s[1:])) for name, s in seconds.items()}
+    print("| 8 views | s | gain |\n|---|---|---|")
+    for name, s in medians.items():
+        print(f"| {name} | {s:.2f} | {medians['one after the other'] / s:.2f} |")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="one resolution, one view per scan")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--sizes", type=int, nargs="*", default=list(SIZES))
     parser.add_argument("--stages", action="store_true", help="where the time of a frame of the fox goes")
+    parser.add_argument("--side-by-side", action="store_true", help="views of the fox in threads and in processes")
     parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
     parser.add_argument("--native", type=Path, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.case:
         print(json.dumps(run_case(args.case, args.native, args.repeats)))
+        return
+    if args.side_by_side:
+        print_side_by_side(args.repeats)
         return
     if args.stages:
         print_stages(args.repeats)
