@@ -27,8 +27,8 @@ class SplatRenderer:
         """The renderer. Raises SplatFormatError, as `SplatCopy.assemble`. One thread at a time."""
         if self._renderer is None:
             scene = self._copying.copy().assemble()
-            kind = Renderer if self._single else ProcessRenderer
-            renderer = kind(scene, RenderSettings.for_scene(scene, threads=self._threads))
+            settings = RenderSettings.for_scene(scene, threads=self._threads)
+            renderer = Renderer(scene, settings) if self._single else ProcessRenderer(scene, settings, spare=True)
             self._copying = None
             with self._lock:
                 self._renderer = renderer

@@ -21,7 +21,7 @@ from ..splats.scene import GaussianScene
 from ..wire import WireError, receive, send
 from .renderer import Renderer
 from .tables import SceneTables, build_tables
-from .view import RenderedView, RenderSettings
+from .view import RenderedView, RenderSettings, ViewRenderer
 
 log = logging.getLogger(__name__)
 
@@ -31,30 +31,35 @@ Start = Callable[[str, Mapping[str, str]], Child]
 
 
 class ProcessRenderer:
-    """Draws one scene's views, each on one thread, in up to `settings.threads` processes: this one and others like it.
+    """Draws one scene's views, each on one thread, in up to `settings.threads` processes: this one and others like it, or,
+    with `spare` (a window lives here), others alone, once they have come up.
 
     `render` may be called from any thread, and from as many at once as there are processes; more wait for their turn. The
     others are taken in as they come up, until when views are drawn here. One that ends for whatever reason costs nothing but
     its share of the speed. Views are those of `Renderer`, to the bit. `alone` is one, for views that no other is drawn
-    beside: the threads of this process share each.
+    beside: the threads of this process share each, unless it is spared.
     """
 
-    def __init__(self, scene: GaussianScene, settings: RenderSettings, start: Start = Child) -> None:
+    def __init__(self, scene: GaussianScene, settings: RenderSettings, start: Start = Child, *, spare: bool = False) -> None:
         """Raises nothing where no process can be started: all views are drawn here then."""
         count = min(settings.threads or os.cpu_count() or 1, MAX_PROCESSES)
         self._tables = build_tables(scene)
         self._settings = RenderSettings(settings.near, threads=1)
-        self._team = _Team(count, start)
+        self._team = _Team(count, count if spare else count - 1, start)
         self._finish = weakref.finalize(self, _Team.close, self._team)
         self._team.begin(self._tables, self._settings)
         self._here = Renderer(self._tables, self._settings)
-        self.alone = Renderer(self._tables, settings)
+        self._together = None if spare else Renderer(self._tables, settings)
 
     def __enter__(self) -> ProcessRenderer:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+    @property
+    def alone(self) -> ViewRenderer:
+        return self._together or self
 
     def close(self) -> None:
         """Ends the processes at once; views being drawn in them raise Cancelled, as do later ones. Harmless when repeated."""
@@ -88,8 +93,8 @@ def _ask(child: Child, intrinsics: Intrinsics, pose: Pose) -> RenderedView | Non
 class _Team:
     """Who draws: children that are ready, and `here`, how many more views may be drawn in this process meanwhile."""
 
-    def __init__(self, count: int, start: Start) -> None:
-        self._here, self._wanted, self._start = count, count - 1, start
+    def __init__(self, count: int, wanted: int, start: Start) -> None:
+        self._here, self._wanted, self._start = count, wanted, start
         self._all: set[Child] = set()
         self._ready: list[Child] = []
         self._changed = threading.Condition()

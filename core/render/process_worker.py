@@ -7,6 +7,7 @@ input does.
 
 from __future__ import annotations
 
+import os
 import sys
 
 import cv2
@@ -19,10 +20,14 @@ from .renderer import Renderer
 from .tables import SceneTables
 from .view import RenderSettings
 
+NICE = 5  # a window, Blender's own among others, comes first
+
 
 def main() -> int:
     """Draw what is asked for."""
     requests, answers = pipes()
+    if hasattr(os, "nice"):
+        os.nice(NICE)
     cv2.setNumThreads(1)
     first = receive(requests)
     if first is None:

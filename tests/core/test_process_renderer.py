@@ -113,6 +113,22 @@ def test_a_process_that_dies_costs_no_view(scene, started, caplog, deaths):
     assert ready(renderer, 2 - deaths)()
 
 
+def test_a_spared_process_draws_only_where_no_other_is(scene, monkeypatch):
+    alone, here = Renderer(scene, RenderSettings(threads=1)), []
+    with ProcessRenderer(scene, RenderSettings(threads=2), spare=True) as renderer:
+        wait_for(ready(renderer, 2))
+        monkeypatch.setattr(renderer._here, "render", lambda *view: here.append(view) or alone.render(*view))
+        with ThreadPoolExecutor(4) as pool:
+            found = list(pool.map(lambda pose: renderer.render(CAMERA, pose), poses(8)))
+        assert not here
+        assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, poses(8), strict=True))
+        assert same(renderer.alone.render(CAMERA, Pose()), alone.render(CAMERA, Pose()))
+        for child in renderer._team._ready:
+            child.kill()
+        assert same(renderer.render(CAMERA, Pose()), alone.render(CAMERA, Pose()))
+        assert len(here) == 1
+
+
 @pytest.mark.parametrize("missing", ["processes", "folder"])
 def test_without_processes_views_are_drawn_here(scene, folder, monkeypatch, missing):
     if missing == "folder":

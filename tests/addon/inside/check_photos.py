@@ -64,7 +64,7 @@ def test_the_renderer_is_made_once(bpy, listed, extension, monkeypatch):
     made = []
     module = extension("gssmc_addon.splat_renderer")
     original = module.ProcessRenderer
-    monkeypatch.setattr(module, "ProcessRenderer", lambda *args: made.append(args) or original(*args))
+    monkeypatch.setattr(module, "ProcessRenderer", lambda *args, **how: made.append(args) or original(*args, **how))
     listed.gssmc.photos[2].ticked = False
     bpy.ops.gssmc.refine_all(which="TICKED", **{**rooms.QUICK, "iterations": 1, "candidates": 1})
     assert len(made) == 1
