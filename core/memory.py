@@ -2,7 +2,7 @@
 
 The factors err on the side of too much. Peaks measured while the built-in sample was refined at several sizes (SH degree 1,
 engine alone, all processes together): 12k Gaussians on one thread 0.44 GB, 300k on two 0.71, 1M on two 1.32, on four 2.27; the
-estimate says 0.48, 0.89, 1.64 and 2.64.
+estimate says 0.58, 0.99, 1.74 and 2.74.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .render.process_renderer import MAX_PROCESSES
 
 BASE_BYTES = 450_000_000  # numpy, OpenCV, SciPy, the features of all views
 FLOATS_WITHOUT_SH = 11  # mean, scale, rotation, opacity
-PROCESS_BYTES = 100_000_000  # for each process more that draws views: Python, numpy, OpenCV, one view
+PROCESS_BYTES = 100_000_000  # for each process that draws views: Python, numpy, OpenCV, one view
 RENDER_BYTES = 400  # for each Gaussian and view drawn at a time: projected, sorted, binned into tiles
 COPIES = 3  # of the scene: Blender's, ours, and the one being assembled (later the one that the processes share)
 PIXEL_BYTES = 60  # for each pixel of a photo, decoded and being reduced
@@ -38,7 +38,7 @@ def refine_bytes(gaussians: int, sh_coefficients: int, photo_pixels: int, thread
     scene = 4 * (FLOATS_WITHOUT_SH + 3 * sh_coefficients) * gaussians
     views = min(threads or os.cpu_count() or 1, MAX_PROCESSES)
     each = PROCESS_BYTES + RENDER_BYTES * gaussians
-    return BASE_BYTES - PROCESS_BYTES + COPIES * scene + each * views + PIXEL_BYTES * photo_pixels
+    return BASE_BYTES + COPIES * scene + each * views + PIXEL_BYTES * photo_pixels
 
 
 def import_bytes(file: Path) -> int:
