@@ -27,6 +27,7 @@ log = logging.getLogger(__name__)
 
 MAX_PROCESSES = 8  # this one included; a refinement draws six or seven views at a time
 MIN_GAUSSIANS = 20_000  # a smaller scene's views are drawn before a process has come up
+NICE = 3  # of others, where this process is spared: its window comes first
 Start = Callable[[str, Mapping[str, str]], Child]
 
 
@@ -45,7 +46,7 @@ class ProcessRenderer:
         count = min(settings.threads or os.cpu_count() or 1, MAX_PROCESSES)
         self._tables = build_tables(scene)
         self._settings = RenderSettings(settings.near, threads=1)
-        self._team = _Team(count, count if spare else count - 1, start)
+        self._team = _Team(count, spare, start)
         self._finish = weakref.finalize(self, _Team.close, self._team)
         self._team.begin(self._tables, self._settings)
         self._here = Renderer(self._tables, self._settings)
@@ -93,8 +94,9 @@ def _ask(child: Child, intrinsics: Intrinsics, pose: Pose) -> RenderedView | Non
 class _Team:
     """Who draws: children that are ready, and `here`, how many more views may be drawn in this process meanwhile."""
 
-    def __init__(self, count: int, wanted: int, start: Start) -> None:
-        self._here, self._wanted, self._start = count, wanted, start
+    def __init__(self, count: int, spare: bool, start: Start) -> None:
+        self._here, self._start = count, start
+        self._wanted, self._nice = (count, NICE) if spare else (count - 1, 0)
         self._all: set[Child] = set()
         self._ready: list[Child] = []
         self._changed = threading.Condition()
@@ -112,7 +114,7 @@ class _Team:
         except OSError as error:
             log.warning("Views are drawn in one process, for the scan cannot be shared with others (%s)", error)
             return
-        first = {"file": str(file), "rows": len(tables.block), "count": len(tables), "near": settings.near}
+        first = {"file": str(file), "rows": len(tables.block), "count": len(tables), "near": settings.near, "nice": self._nice}
         for _ in range(self._wanted):
             threading.Thread(target=self._bring_up, args=(first, tables.origin), name="gssmc-start", daemon=True).start()
 

@@ -1,6 +1,6 @@
 """A process that draws views of one scene for `process_renderer`.
 
-The first message is {"file", "rows", "count", "near"} with the tables' origin, answered by {} when the file is mapped; each
+The first message is {"file", "rows", "count", "near", "nice"} with the tables' origin, answered by {} when the file is mapped; each
 further one is {"size": [width, height]} with (fx, fy, cx, cy), R and t, answered by the view's four images. It ends when its
 input does.
 """
@@ -20,19 +20,17 @@ from .renderer import Renderer
 from .tables import SceneTables
 from .view import RenderSettings
 
-NICE = 5  # a window, Blender's own among others, comes first
-
 
 def main() -> int:
     """Draw what is asked for."""
     requests, answers = pipes()
-    if hasattr(os, "nice"):
-        os.nice(NICE)
     cv2.setNumThreads(1)
     first = receive(requests)
     if first is None:
         return 0
     header, (origin,) = first
+    if hasattr(os, "nice"):
+        os.nice(header["nice"])
     block = np.memmap(header["file"], np.float32, "r", shape=(header["rows"], header["count"]))
     renderer = Renderer(SceneTables(origin, np.asarray(block)), RenderSettings(header["near"], threads=1))
     send(answers, {})
