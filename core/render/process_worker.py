@@ -1,8 +1,8 @@
 """A process that draws views of one scene for `process_renderer`.
 
-The first message is {"file", "rows", "count", "near", "nice"} with the tables' origin, answered by {} when the file is mapped; each
-further one is {"size": [width, height]} with (fx, fy, cx, cy), R and t, answered by the view's four images. It ends when its
-input does.
+The first message is {"file", "rows", "count", "near", "nice"} with the tables' origin, answered by {} when the file is mapped;
+each further one is {"size": [width, height]} with (fx, fy, cx, cy), R and t, answered by the view's four images. It ends when
+its input does.
 """
 
 from __future__ import annotations
