@@ -13,6 +13,7 @@ from ..core.errors import GssmcError
 from ..core.photo import Photo
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
+from ..core.render.sharing import quick_handover
 from .camera_bridge import CameraCopy
 from .photo_image import PhotoSource
 from .splat_renderer import SplatRenderer
@@ -93,16 +94,19 @@ class Worker:
 
     def _run(self, work: Callable[[], Steps]) -> None:
         try:
-            steps = work()
-            while not self._stop.is_set():
-                try:
-                    self._queue.put(next(steps))
-                except StopIteration as end:
-                    self._queue.put(Finished(end.value))
-                    return
-            steps.close()
+            with quick_handover():  # each panel that Blender draws waits for the interpreter, 5 ms otherwise
+                self._go(work())
         except (GssmcError, MemoryError) as error:
             self._queue.put(Failure(error))
         except Exception as error:
             log.exception("The work broke off")
             self._queue.put(Failure(error))
+
+    def _go(self, steps: Steps) -> None:
+        while not self._stop.is_set():
+            try:
+                self._queue.put(next(steps))
+            except StopIteration as end:
+                self._queue.put(Finished(end.value))
+                return
+        steps.close()

@@ -1,5 +1,7 @@
 """Refine Camera: what it refuses, what it leaves alone, and what may happen to the scene while it runs."""
 
+import sys
+
 import numpy as np
 import pytest
 from samples import counts
@@ -31,6 +33,20 @@ def test_a_photo_of_another_place_fails_and_moves_nothing(bpy, scene):
     assert scene.camera.data.gssmc.verdict == "FAILED"
     assert scene.camera.data.gssmc.reasons
     assert state(scene) == before
+
+
+def test_blender_waits_little_for_the_interpreter_while_the_work_runs_and_no_more_after(bpy, scene, extension, monkeypatch):
+    module, before, seen = extension("gssmc_addon.worker"), sys.getswitchinterval(), []
+    work = module.refinement
+
+    def watched(inputs):
+        seen.append(sys.getswitchinterval())
+        return (yield from work(inputs))
+
+    monkeypatch.setattr(extension("gssmc_addon.jobs"), "refinement", watched)
+    bpy.ops.gssmc.refine()
+    assert seen[0] < 0.001 < before
+    assert sys.getswitchinterval() == before
 
 
 def test_a_start_that_looks_away_fails_or_is_refused(bpy, scene):
