@@ -6,6 +6,7 @@ Each `inside/check_*.py` is a pytest module that runs in a Blender process of it
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -13,11 +14,14 @@ import pytest
 HERE = Path(__file__).parent
 REPO = HERE.parents[1]
 CHECKS = sorted((HERE / "inside").glob("check_*.py"))
-LIMIT_S = 240
+LIMIT_S = 300
 # Blender 4.5 LTS, set up by `scripts/setup.sh --all`. It is spared the examples of docs/ and the real scan, the longest checks,
 # which call no operator that the others do not (check_operators sees to that).
 PYTHON_45 = REPO / ".venv45" / "bin" / "python"
 CHECKS_45 = [check for check in CHECKS if check.stem not in ("check_docs", "check_fox")]
+
+PYTHONS = {"test_inside_blender": sys.executable, "test_inside_blender_45": str(PYTHON_45)}
+AT_ONCE = 2  # most checks keep one core busy
 
 pytest.importorskip("bpy", reason="ring 2 needs Blender as a Python module (bpy)")
 
@@ -32,22 +36,40 @@ def extension_zip(tmp_path_factory):
     return next(out.glob("gssmc-*.zip"))
 
 
+@pytest.fixture(scope="session")
+def runs(request, extension_zip, tmp_path_factory):
+    """Every check of this session that is to run in a Blender, started: AT_ONCE at a time, in the order of the tests."""
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        started = {}
+        for item in request.session.items:
+            python = PYTHONS.get(getattr(item, "originalname", ""))
+            if python and not any(mark.args[0] for mark in item.iter_markers("skipif")):
+                folder = tmp_path_factory.mktemp(item.callspec.id)
+                started[item.nodeid] = pool.submit(run_inside, python, item.callspec.params["check"], extension_zip, folder)
+        yield started
+        pool.shutdown(cancel_futures=True)
+
+
 @pytest.mark.parametrize("check", CHECKS, ids=[c.stem for c in CHECKS])
-def test_inside_blender(check, extension_zip, tmp_path):
-    run_inside(sys.executable, check, extension_zip, tmp_path)
+def test_inside_blender(check, runs, request):
+    assert_passed(runs[request.node.nodeid].result())
 
 
 @pytest.mark.skipif(not PYTHON_45.exists(), reason="Blender 4.5 is not set up; run scripts/setup.sh --all")
 @pytest.mark.parametrize("check", CHECKS_45, ids=[c.stem for c in CHECKS_45])
-def test_inside_blender_45(check, extension_zip, tmp_path):
-    run_inside(str(PYTHON_45), check, extension_zip, tmp_path)
+def test_inside_blender_45(check, runs, request):
+    assert_passed(runs[request.node.nodeid].result())
 
 
 def run_inside(python, check, extension_zip, tmp_path):
+    """What came of the check, as `subprocess.run` has it."""
     environment = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
     command = [python, "-m", "pytest", "-p", "no:cacheprovider", "-o", "python_files=check_*.py"]
     command += ["-o", f"pythonpath=. tests/core {check.parent}", "-rs", str(check)]
-    done = subprocess.run(command, cwd=REPO, env=environment, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    return subprocess.run(command, cwd=REPO, env=environment, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+
+
+def assert_passed(done):
     assert done.returncode == 0, f"{done.stdout[-8000:]}\n{done.stderr[-2000:]}"
 
 

@@ -132,6 +132,7 @@ def test_interruption_loses_nothing_that_was_finished(place, tmp_path, monkeypat
         cwd=Path(__file__).parents[2],
         env={**os.environ, "PYTHONPATH": str(hook)},
         start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background inherit that it is ignored
         stderr=subprocess.PIPE,
         text=True,
     )
