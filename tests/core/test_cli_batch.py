@@ -127,15 +127,16 @@ def test_interruption_loses_nothing_that_was_finished(place, tmp_path, monkeypat
     (hook / "hang").touch()
     (place.folder / "slow.png").write_bytes((place.folder / "photo_1.png").read_bytes())
     file, out = queries(place, "photo_0.png", "slow.png", "photo_2.png"), tmp_path / "r.json"
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background's children have it ignored otherwise
     process = subprocess.Popen(
         [sys.executable, "-m", "core", "batch", str(place.scene), file, "--out", str(out), "--workers", "2", *FAST],
         cwd=Path(__file__).parents[2],
         env={**os.environ, "PYTHONPATH": str(hook)},
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background inherit that it is ignored
         stderr=subprocess.PIPE,
         text=True,
     )
+    signal.signal(signal.SIGINT, handler)
     give_up = time.monotonic() + PATIENCE_S
     while not (out.exists() and len(frames(out)) == 2):  # never half a file, at whatever moment it is looked at
         assert process.poll() is None and time.monotonic() < give_up
