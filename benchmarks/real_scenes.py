@@ -12,6 +12,7 @@ import json
 import resource
 import sys
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -32,18 +33,20 @@ from core.synthetic import perturb_camera
 
 SCENES = ROOT.parent / "shared" / "scenes"
 STARTS = {"near": (0.05, 4.0), "far": (0.30, 20.0), "hard": (0.50, 30.0)}  # share of the median depth, degrees
-PEAKS: list[float] = []  # of the processes that draw, GB
 BOUNDS = {"near": (0.3, 0.2), "far": (0.5, 0.3), "hard": (0.5, 0.3)}  # per cent, degrees: what counts as home
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One photo refined once: errors in per cent of the median depth and degrees, and the report."""
+    """One photo refined once: errors in per cent of the median depth and degrees, the report, and the peak memory until then
+    of the other processes that drew for it, GB.
+    """
 
     name: str
     distance: float
     degrees: float
     report: RefineReport
+    others_gb: float
 
 
 def start_camera(truth: Camera, depth: float, ratio: float, degrees: float, seed: int) -> Camera:
@@ -53,11 +56,10 @@ def start_camera(truth: Camera, depth: float, ratio: float, degrees: float, seed
 
 @dataclass(frozen=True)
 class Scan:
-    """A scan: Gaussians, renderer on one thread, held-out cameras, median depth."""
+    """A scan: Gaussians, held-out cameras, median depth; and a renderer on one thread, made where it is used."""
 
     name: str
     scene: GaussianScene
-    renderer: Renderer
     cameras: list[Camera]
     depth: float
 
@@ -66,7 +68,11 @@ class Scan:
         folder = SCENES / name
         scene = read_splats(folder / "scene.ply")
         depth = json.loads((folder / "queries.json").read_text())["median_depth"]
-        return cls(name, scene, Renderer(scene, RenderSettings(threads=1)), read_cameras(folder / "queries.json"), depth)
+        return cls(name, scene, read_cameras(folder / "queries.json"), depth)
+
+    @cached_property
+    def renderer(self) -> Renderer:
+        return Renderer(self.scene, RenderSettings(threads=1))
 
 
 def run_scene(name: str, start: str, settings: RefineSettings, seeds: int) -> list[Trial]:
@@ -78,8 +84,7 @@ def run_scene(name: str, start: str, settings: RefineSettings, seeds: int) -> li
                 camera = start_camera(truth, scan.depth, *STARTS[start], seed=index + 100 * seed)
                 report = refine(renderer, photo, camera, replace(settings, seed=seed))
                 distance, degrees = pose_error(report.camera.pose, truth.pose)
-                trials.append(Trial(Path(truth.file).stem, 100 * distance / scan.depth, degrees, report))
-        PEAKS.append(children_gb())
+                trials.append(Trial(Path(truth.file).stem, 100 * distance / scan.depth, degrees, report, children_gb()))
     return trials
 
 
@@ -123,17 +128,19 @@ def main() -> int:
         print(f"no scans at {SCENES}: nothing to measure", file=sys.stderr)
         return 2
     print(HEADER, flush=True)
-    dump = []
+    dump, done = [], []
     for scene in args.scenes:
         for start in args.starts:
             trials = run_scene(scene, start, RefineSettings(threads=args.threads), args.seeds)
             print(row(scene, start, trials), flush=True)
+            done += trials
             for t in trials:
                 dump.append([scene, start, t.name, t.distance, t.degrees, t.report.verdict, t.report.seconds])
                 if args.verbose:
                     print("  ", t.name, f"{t.distance:.3f} % {t.degrees:.3f} deg", t.report.verdict, *t.report.reasons)
+    others = max((t.others_gb for t in done), default=0.0)
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"\npeak memory {own:.2f} GB, and {max(PEAKS, default=0.0):.2f} GB of the processes that drew views for it")
+    print(f"\npeak memory {own:.2f} GB, and {others:.2f} GB of the processes that drew views for it")
     if args.json:
         args.json.write_text(json.dumps(dump, indent=1))
     return 0

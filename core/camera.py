@@ -156,7 +156,9 @@ class Pose:
         u, s, vt = np.linalg.svd(R)
         if np.abs(s - 1).max() > 1e-3 or np.linalg.det(R) < 0:
             raise CameraError("The camera's R is not a rotation (it scales, shears or mirrors); give an orthonormal R.")
-        R = u @ vt
+        self._hold(u @ vt, t)
+
+    def _hold(self, R: FloatArray, t: FloatArray) -> None:
         R.flags.writeable = t.flags.writeable = False
         object.__setattr__(self, "R", R)
         object.__setattr__(self, "t", t)
@@ -165,10 +167,7 @@ class Pose:
     def as_it_is(cls, R: FloatArray, t: FloatArray) -> Pose:
         """A pose from the R and t of another one, to the last bit, where making it orthonormal again might turn that."""
         pose = cls()
-        R, t = R.copy(), t.copy()
-        R.flags.writeable = t.flags.writeable = False
-        object.__setattr__(pose, "R", R)
-        object.__setattr__(pose, "t", t)
+        pose._hold(R.copy(), t.copy())
         return pose
 
     @property

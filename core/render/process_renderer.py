@@ -44,13 +44,12 @@ class ProcessRenderer:
     def __init__(self, scene: GaussianScene, settings: RenderSettings, start: Start = Child, *, spare: bool = False) -> None:
         """Raises nothing where no process can be started: all views are drawn here then."""
         count = min(settings.threads or os.cpu_count() or 1, MAX_PROCESSES)
-        self._tables = build_tables(scene)
-        self._settings = RenderSettings(settings.near, threads=1)
+        tables = build_tables(scene)
         self._team = _Team(count, spare, start)
         self._finish = weakref.finalize(self, _Team.close, self._team)
-        self._team.begin(self._tables, self._settings)
-        self._here = Renderer(self._tables, self._settings)
-        self._together = None if spare else Renderer(self._tables, settings)
+        self._team.begin(tables, settings.near)
+        self._here = Renderer(tables, RenderSettings(settings.near, threads=1))
+        self._together = None if spare else Renderer(tables, settings)
 
     def __enter__(self) -> ProcessRenderer:
         return self
@@ -103,7 +102,7 @@ class _Team:
         self._closed = False
         self._folder: tempfile.TemporaryDirectory[str] | None = None
 
-    def begin(self, tables: SceneTables, settings: RenderSettings) -> None:
+    def begin(self, tables: SceneTables, near: float) -> None:
         """Starts the children, where the scene is large enough for them to be of use."""
         if not self._wanted or len(tables) < MIN_GAUSSIANS:
             return
@@ -114,7 +113,7 @@ class _Team:
         except OSError as error:
             log.warning("Views are drawn in one process, for the scan cannot be shared with others (%s)", error)
             return
-        first = {"file": str(file), "rows": len(tables.block), "count": len(tables), "near": settings.near, "nice": self._nice}
+        first = {"file": str(file), "rows": len(tables.block), "count": len(tables), "near": near, "nice": self._nice}
         for _ in range(self._wanted):
             threading.Thread(target=self._bring_up, args=(first, tables.origin), name="gssmc-start", daemon=True).start()
 

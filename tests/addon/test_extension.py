@@ -14,7 +14,7 @@ import pytest
 HERE = Path(__file__).parent
 REPO = HERE.parents[1]
 CHECKS = sorted((HERE / "inside").glob("check_*.py"))
-LIMIT_S = 300
+LIMIT_S = 240
 # Blender 4.5 LTS, set up by `scripts/setup.sh --all`. It is spared the examples of docs/ and the real scan, the longest checks,
 # which call no operator that the others do not (check_operators sees to that).
 PYTHON_45 = REPO / ".venv45" / "bin" / "python"
