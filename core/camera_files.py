@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .atomic import atomic_write
 from .camera import Camera, Intrinsics, Pose
 from .errors import CameraError
+from .support.atomic import atomic_write
 
 T = TypeVar("T")
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import bpy
 
-from ..core.atomic import atomic_write
 from ..core.camera import Camera
 from ..core.camera_files import camera_to_dict
 from ..core.datasets import colmap, nerfstudio
 from ..core.datasets.training_world import read_training_world
 from ..core.errors import CameraError, DatasetError
+from ..core.support.atomic import atomic_write
 from . import camera_bridge, photo_image
 from .texts import rpt_
 

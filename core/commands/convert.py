@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..atomic import atomic_write
 from ..camera import Camera
 from ..camera_files import Start
 from ..console import say
@@ -16,6 +15,7 @@ from ..conventions import Similarity
 from ..datasets import colmap, nerfstudio, pose_list, starts
 from ..datasets.training_world import FILE, read_training_world
 from ..errors import DatasetError
+from ..support.atomic import atomic_write
 from .outcome import OK, Outcome
 
 SUFFIXES = {".json": "json", ".txt": "poses", "": "colmap"}

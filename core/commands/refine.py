@@ -7,7 +7,6 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ..atomic import atomic_write
 from ..camera import Camera
 from ..camera_files import Start, read_starts
 from ..console import note, say
@@ -19,6 +18,7 @@ from ..pose.report import RefineReport
 from ..render import ProcessRenderer, RenderSettings
 from ..results import report_to_dict
 from ..splats import read_splats
+from ..support.atomic import atomic_write
 from .flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from .notes import say_dropped
 from .outcome import FAILED_VERDICT, OK, Outcome

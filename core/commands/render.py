@@ -12,12 +12,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..atomic import atomic_write
 from ..camera import Camera
 from ..camera_files import read_cameras
 from ..console import say
 from ..render import RenderedView, Renderer, RenderSettings
 from ..splats import read_splats
+from ..support.atomic import atomic_write
 from .flags import SCENE_HELP
 from .notes import say_dropped
 from .outcome import OK, Outcome

@@ -8,8 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..atomic import atomic_write
 from ..errors import GssmcError
+from ..support.atomic import atomic_write
 
 Record = dict[str, Any]
 

@@ -9,9 +9,9 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ..atomic import atomic_write
 from ..camera import Camera, Intrinsics
 from ..errors import CameraError, DatasetError
+from ..support.atomic import atomic_write
 from . import colmap_binary
 from .pose_list import pose_columns
 from .text import (

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..atomic import atomic_write
 from ..camera import Pose
 from ..errors import DatasetError
 from ..quaternion import quaternion_from_rotation
+from ..support.atomic import atomic_write
 from .text import data_lines, pose_from_columns
 from .types import PosedFrame, PoseSet, Split, pose_set, short
 

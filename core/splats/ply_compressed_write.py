@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..atomic import atomic_write
+from ..support.atomic import atomic_write
 from .activate import SH_C0
 from .ply_compressed import BLOCK, CHUNK, COLOUR_BOUNDS, LARGEST_FIRST, PACKED, POSITION_BOUNDS, SCALE_BOUNDS, SH_RANGE
 from .ply_layout import ORIENTATION

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..atomic import atomic_write
+from ..support.atomic import atomic_write
 from .ply_layout import COLOUR
 from .scene import Float32Array, GaussianScene
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..atomic import atomic_write
 from ..conventions import Orientation
 from ..errors import SplatFormatError
+from ..support.atomic import atomic_write
 from .activate import SH_C0, SceneBuilder
 from .format import Progress, SplatFormat, SplatInfo
 from .scene import GaussianScene

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..atomic import atomic_write
 from ..errors import SplatFormatError
+from ..support.atomic import atomic_write
 from .ply_write import WRITE_ROWS, log_scales
 from .scene import Float32Array, GaussianScene
 from .spz import COLOUR_FACTOR, SCALE_OFFSET, SCALE_STEPS

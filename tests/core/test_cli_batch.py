@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from cli_place import FAST, Place, hurt_readers
 
-from core.atomic import atomic_write
 from core.camera import pose_error
 from core.camera_files import camera_from_dict
 from core.cli import main
 from core.commands.store import ResultStore, job_key
+from core.support.atomic import atomic_write
 
 PATIENCE_S = 120
 

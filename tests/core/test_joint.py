@@ -9,16 +9,7 @@ from geometry import CAMERA, fan, make_matches, random_pose, world
 from core.camera import pose_error
 from core.lie import se3_exp
 from core.pose.final import choose
-from core.pose.joint import (
-    CELL_CORRELATION,
-    CELLS,
-    SCALE,
-    STAGES,
-    JointProblem,
-    _equations,
-    density_weights,
-    fit_joint,
-)
+from core.pose.joint import CELL_CORRELATION, CELLS, SCALE, STAGES, JointProblem, _equations, density_weights, fit_joint
 from core.pose.lens import FREE, PRIOR_STD, LensCamera, lens_difference
 from core.pose.matches import world_points
 from core.pose.reprojection import reproject

@@ -1,0 +1,1 @@
+"""What every other folder may use: files written whole or not at all."""
