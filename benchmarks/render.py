@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import core.render.renderer as stages_of
-from core.camera import Intrinsics, Pose
+from core.geometry.camera import Intrinsics, Pose
 from core.render import ProcessRenderer, Renderer, RenderSettings, render_reference
 from core.splats import read_splats
 from core.splats.ply import write_ply

@@ -15,8 +15,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .camera import Camera, Intrinsics, Pose
 from .errors import CameraError
+from .geometry.camera import Camera, Intrinsics, Pose
 from .support.atomic import atomic_write
 
 T = TypeVar("T")

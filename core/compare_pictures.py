@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera, FloatArray, Intrinsics, Pose
+from .geometry.camera import Camera, FloatArray, Intrinsics, Pose
 from .lens import render_through_lens
 from .photo import Photo
 from .render.view import RenderedView, ViewRenderer

@@ -14,9 +14,9 @@ from decimal import ROUND_HALF_UP, Decimal
 
 import numpy as np
 
-from .camera import FloatArray, pose_error
 from .datasets import PoseSet, match_names, short
 from .errors import DatasetError
+from .geometry.camera import FloatArray, pose_error
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Intrinsics
 from .errors import PhotoError
 from .exif import Exif, read_exif
+from .geometry.camera import Intrinsics
 from .photo_size import EXR_SIGNATURE, check_pixels, picture_size, reduction
 from .sensors import focal_35mm_of
 

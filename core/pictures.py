@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import Camera
 from .compare_pictures import Comparison, render_photo_like, squares
+from .geometry.camera import Camera
 from .photo import Photo
 from .render.view import ViewRenderer
 

@@ -6,8 +6,8 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from .camera import Camera
 from .camera_files import camera_to_dict
+from .geometry.camera import Camera
 from .pose.report import IterationRecord, RefineReport
 
 VERDICTS = ("trusted", "check", "failed")

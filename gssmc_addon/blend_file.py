@@ -9,10 +9,10 @@ from typing import Any, Literal
 
 import bpy
 
-from ..core.camera import Camera
 from ..core.commands.outcome import Outcome
-from ..core.conventions import Orientation
 from ..core.errors import GssmcError
+from ..core.geometry.camera import Camera
+from ..core.geometry.conventions import Orientation
 from ..core.photo import read_photo
 from ..core.results import report_to_dict
 from ..core.splats import read_splats

@@ -1,4 +1,4 @@
-"""Blender camera <-> the engine's camera, in the coordinates of the splat file. The formulas live in core.conventions."""
+"""Blender camera <-> the engine's camera, in the coordinates of the splat file. The formulas live in core.geometry.conventions."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core import conventions
-from ..core.camera import Camera, Intrinsics, Pose
-from ..core.conventions import BlenderLens, Similarity
 from ..core.errors import CameraError
+from ..core.geometry import conventions
+from ..core.geometry.camera import Camera, Intrinsics, Pose
+from ..core.geometry.conventions import BlenderLens, Similarity
 from .texts import rpt_
 
 DIST_NAMES = ("k1", "k2", "p1", "p2", "k3")

@@ -16,10 +16,10 @@ import bpy
 import numpy as np
 
 from ..core import datasets
-from ..core.camera import Camera
 from ..core.camera_files import Start
 from ..core.datasets.training_world import read_training_world
 from ..core.errors import CameraError, GssmcError
+from ..core.geometry.camera import Camera
 from ..core.lens_guess import guess_lens
 from ..core.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
 from . import camera_bridge, jobs, photo_camera, photo_image

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.camera import Camera
+from ..core.geometry.camera import Camera
 from . import camera_bridge, camera_channels
 
 

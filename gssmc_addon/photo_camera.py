@@ -7,10 +7,10 @@ from pathlib import Path
 
 import bpy
 
-from ..core import conventions
-from ..core.camera import Camera, Intrinsics
 from ..core.camera_files import read_starts
 from ..core.errors import CameraError
+from ..core.geometry import conventions
+from ..core.geometry.camera import Camera, Intrinsics
 from ..core.lens_guess import guess_lens
 from ..core.photo import Photo, check_size
 from . import camera_bridge, camera_channels, photo_image, properties

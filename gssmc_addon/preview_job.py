@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 
 from ..core import compare_pictures
-from ..core.camera import Camera, Intrinsics, Pose
 from ..core.compare_pictures import Comparison, DrawnMatches, Image
 from ..core.errors import GssmcError, RefineError
+from ..core.geometry.camera import Camera, Intrinsics, Pose
 from ..core.photo import Photo, check_size
 from ..core.pose.settings import RefineSettings
 from ..core.render import Renderer

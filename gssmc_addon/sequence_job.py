@@ -10,8 +10,8 @@ from statistics import median
 import bpy
 
 from ..core import sequence
-from ..core.camera import Camera
 from ..core.errors import PhotoError, RefineError
+from ..core.geometry.camera import Camera
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from ..core.sequence import FramePose

@@ -10,9 +10,9 @@ from typing import Literal
 import bpy
 from mathutils import Matrix
 
-from ..core import conventions
-from ..core.conventions import Orientation
 from ..core.errors import GssmcError, SplatFormatError
+from ..core.geometry import conventions
+from ..core.geometry.conventions import Orientation
 from ..core.splats import SUFFIXES, inspect_splats
 from ..core.splats.scene import GaussianScene
 from . import cloud_size, splat_display, splat_object, viewport, viewport_props

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from core.camera import Camera
+    from core.geometry.camera import Camera
     from core.synthetic import SampleFiles
 
 REPO = Path(__file__).resolve().parent.parent
@@ -82,8 +82,8 @@ def engine_camera(camera: Any, sample: SampleFiles) -> Camera:
     import bpy
     from bl_ext.user_default.gssmc.gssmc_addon import camera_bridge
 
-    from core.camera import Camera, Intrinsics, Pose
     from core.camera_files import read_cameras
+    from core.geometry.camera import Camera, Intrinsics, Pose
 
     bpy.context.view_layer.update()
     size = read_cameras(sample.start)[0].intrinsics
@@ -105,8 +105,8 @@ def draw_before_after(sample: SampleFiles, before: Camera, after: Camera, path: 
 
 def say(sample: SampleFiles, note: Any, before: Camera, after: Camera) -> int:
     """Prints verdict and errors; 0 when the camera is trusted and home, else 3."""
-    from core.camera import pose_error
     from core.camera_files import read_cameras
+    from core.geometry.camera import pose_error
 
     truth = read_cameras(sample.truth)[0].pose
     distance, degrees = pose_error(before.pose, truth)

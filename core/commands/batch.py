@@ -11,11 +11,11 @@ from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
-from ..camera import Camera
 from ..camera_files import camera_from_dict, camera_to_dict
 from ..console import note, say
 from ..datasets import pose_list
 from ..errors import SplatFormatError
+from ..geometry.camera import Camera
 from ..photo_mask import find_mask
 from ..pose.settings import RefineSettings
 from ..presets import PRESETS

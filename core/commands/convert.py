@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..camera import Camera
 from ..camera_files import Start
 from ..console import say
-from ..conventions import Similarity
 from ..datasets import colmap, nerfstudio, pose_list, starts
 from ..datasets.training_world import FILE, read_training_world
 from ..errors import DatasetError
+from ..geometry.camera import Camera
+from ..geometry.conventions import Similarity
 from ..support.atomic import atomic_write
 from .outcome import OK, Outcome
 

@@ -7,9 +7,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ..camera import Camera, pose_error
 from ..camera_files import read_cameras
 from ..console import say
+from ..geometry.camera import Camera, pose_error
 from ..photo import read_photo
 from ..pictures import before_after, save_png
 from ..pose.report import RefineReport

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..camera import Camera
+from ..geometry.camera import Camera
 from ..pose.report import RefineReport
 
 OK, BAD_INPUT, FAILED_VERDICT, INTERRUPTED = 0, 2, 3, 130

@@ -6,12 +6,12 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..camera import Camera, Intrinsics
 from ..camera_files import Start, read_starts
 from ..console import note
 from ..datasets import match_names, queries, read
 from ..datasets.pose_list import checked
 from ..errors import DatasetError, PhotoError
+from ..geometry.camera import Camera, Intrinsics
 from ..lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 from .flags import UsageError
 

@@ -7,10 +7,10 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ..camera import Camera
 from ..camera_files import Start, read_starts
 from ..console import note, say
 from ..errors import CameraError, PhotoError
+from ..geometry.camera import Camera
 from ..lens_guess import guess_lens
 from ..photo import Photo, read_photo
 from ..photo_mask import find_mask, masked

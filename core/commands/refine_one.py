@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from ..camera import Camera
+from ..geometry.camera import Camera
 from ..photo import Photo, check_size, read_photo
 from ..photo_mask import masked
 from ..pose.refine import refine

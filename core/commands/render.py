@@ -12,9 +12,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera import Camera
 from ..camera_files import read_cameras
 from ..console import say
+from ..geometry.camera import Camera
 from ..render import RenderedView, Renderer, RenderSettings
 from ..splats import read_splats
 from ..support.atomic import atomic_write

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import cv2
 
-from ..camera import Intrinsics, Pose
 from ..errors import CameraError, DatasetError, PhotoError
+from ..geometry.camera import Intrinsics, Pose
+from ..geometry.quaternion import rotation_from_quaternion
 from ..photo import read_photo
-from ..quaternion import rotation_from_quaternion
 from .colmap import read_lens
 from .names import match_names
 from .text import data_lines, head, numbers

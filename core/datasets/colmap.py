@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ..camera import Camera, Intrinsics
 from ..errors import CameraError, DatasetError
+from ..geometry.camera import Camera, Intrinsics
 from ..support.atomic import atomic_write
 from . import colmap_binary
 from .pose_list import pose_columns

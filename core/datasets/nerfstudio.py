@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..camera import Camera, Intrinsics, Pose
 from ..camera_files import load_json
-from ..conventions import pose_from_opengl, pose_to_opengl
 from ..errors import CameraError, DatasetError
+from ..geometry.camera import Camera, Intrinsics, Pose
+from ..geometry.conventions import pose_from_opengl, pose_to_opengl
 from ..support.atomic import atomic_write
 from .text import head
 from .types import PosedFrame, PoseSet, Split, pose_set

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..camera import Pose
 from ..errors import DatasetError
-from ..quaternion import quaternion_from_rotation
+from ..geometry.camera import Pose
+from ..geometry.quaternion import quaternion_from_rotation
 from ..support.atomic import atomic_write
 from .text import data_lines, pose_from_columns
 from .types import PosedFrame, PoseSet, Split, pose_set, short

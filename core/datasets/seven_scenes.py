@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera import Intrinsics, Pose
 from ..errors import CameraError, DatasetError
+from ..geometry.camera import Intrinsics, Pose
 from .text import data_lines, numbers
 from .types import PosedFrame, PoseSet, Query, Split, pose_set
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from ..camera import Pose
 from ..errors import CameraError, DatasetError
-from ..quaternion import rotation_from_quaternion
+from ..geometry.camera import Pose
+from ..geometry.quaternion import rotation_from_quaternion
 
 MAX_LINE_BYTES = 1 << 24  # a COLMAP image with half a million points; more is no line of a text file
 LARGEST = 1e12  # squares of it are still exact enough to be compared

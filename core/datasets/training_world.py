@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ..camera_files import load_json
-from ..conventions import Similarity
 from ..errors import CameraError, DatasetError
+from ..geometry.conventions import Similarity
 
 FILE = "dataparser_transforms.json"
 

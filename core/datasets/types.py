@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..camera import Intrinsics, Pose
 from ..errors import DatasetError
+from ..geometry.camera import Intrinsics, Pose
 
 Split = Literal["test", "train"]
 LONGEST_NAME = 100  # characters of it that an error shows

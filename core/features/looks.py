@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 from .types import Extractor, Features, Grey, Mask
 
 

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 
 BoolArray = NDArray[np.bool_]
 

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 
 Grey = NDArray[np.uint8]
 Mask = NDArray[np.bool_]

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..camera import FloatArray, Pose
-from ..lie import hat, se3_exp
+from ..geometry.camera import FloatArray, Pose
+from ..geometry.lie import hat, se3_exp
 from .matches import ViewMatches, world_points
 
 MIN_POINTS = 12

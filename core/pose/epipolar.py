@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
-from ..camera import FloatArray, Pose
-from ..lie import hat, se3_exp
+from ..geometry.camera import FloatArray, Pose
+from ..geometry.lie import hat, se3_exp
 from .least_squares import NormalEquations, levenberg_marquardt
 from .matches import ViewMatches, bearings
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ..camera import Intrinsics, Pose, pose_error
+from ..geometry.camera import Intrinsics, Pose, pose_error
 from ..render.view import ViewRenderer, alone
 from .guided import Corners, follow, match_corners, pick_corners
 from .hypotheses import candidate_poses

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera import FloatArray, Intrinsics
+from ..geometry.camera import FloatArray, Intrinsics
 from .depth_pnp import FOCAL_SCALES, lifted, pnp_pose
 from .matches import bearings
 from .observe import Observation, Query

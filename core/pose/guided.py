@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import FloatArray, Pose
 from ..features.subpixel import SubpixelAligner, normalise_locally
+from ..geometry.camera import FloatArray, Pose
 from ..render.view import RenderedView, ViewRenderer
 from .matches import BoolArray, ViewMatches, bearings
 from .observe import MIN_ALPHA, MIN_DEPTH_STD_RATIO, grey_of

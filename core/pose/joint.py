@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import FloatArray, Intrinsics
+from ..geometry.camera import FloatArray, Intrinsics
 from .least_squares import NormalEquations, levenberg_marquardt
 from .lens import FREE, PRIOR_STD, LensCamera, LensMode, lens_difference
 from .matches import ViewMatches, bearings

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ..camera import Camera, FloatArray, Intrinsics
 from ..compare_pictures import DrawnMatches, judge_matches
 from ..features.frontend import make_frontend
+from ..geometry.camera import Camera, FloatArray, Intrinsics
 from ..photo import Photo
 from ..render.view import ViewRenderer
 from .observe import make_query, observe

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera import Intrinsics, Pose, pose_error
 from ..features.frontend import Frontend
 from ..features.nearest import MutualNearest
+from ..geometry.camera import Intrinsics, Pose, pose_error
 from ..render.view import ViewRenderer, alone
 from .epipolar import EpipolarFit, measure_epipolar
 from .final import view_pool

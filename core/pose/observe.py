@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import FloatArray, Intrinsics, Pose
 from ..features.frontend import Frontend
 from ..features.subpixel import SubpixelAligner, normalise_locally
 from ..features.types import Features
+from ..geometry.camera import FloatArray, Intrinsics, Pose
 from ..photo import Photo
 from ..render.view import RenderedView, ViewRenderer
 from .matches import BoolArray, ViewMatches

@@ -10,8 +10,8 @@ from functools import partial
 
 import numpy as np
 
-from ..camera import Camera, Intrinsics
 from ..features.frontend import Frontend, make_frontend
+from ..geometry.camera import Camera, Intrinsics
 from ..photo import Photo
 from ..render.view import ViewRenderer
 from .final import final_stage

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ..camera import Camera, Pose
+from ..geometry.camera import Camera, Pose
 
 Verdict = Literal["trusted", "check", "failed"]
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 from .lens import LensCamera
 from .matches import BoolArray, ViewMatches, bearings, world_points
 

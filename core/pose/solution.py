@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera import FloatArray, Intrinsics, pose_error
+from ..geometry.camera import FloatArray, Intrinsics, pose_error
 from .epipolar import EpipolarFit, refine_epipolar
 from .joint import JointFit, Stage
 from .lens import LensCamera, LensMode

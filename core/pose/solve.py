@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..camera import FloatArray, Pose
 from ..features.frontend import Frontend
+from ..geometry.camera import FloatArray, Pose
 from .consistency import consensus_pose
 from .depth_pnp import pnp_pose
 from .epipolar import EpipolarFit, epipolar_distances, measure_epipolar, refine_epipolar

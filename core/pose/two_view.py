@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 from .matches import BoolArray, ViewMatches, bearings
 
 MIN_MATCHES = 8  # the samplers of OpenCV raise or return nonsense below 5; 8 leaves a check on the 5-point fit

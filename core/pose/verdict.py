@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..camera import Intrinsics
+from ..geometry.camera import Intrinsics
 from .matches import ViewMatches
 from .report import PoseQuality, Verdict
 from .solution import Solution

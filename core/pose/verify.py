@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import FloatArray, Pose
 from ..features.subpixel import SubpixelAligner, normalise_locally
+from ..geometry.camera import FloatArray, Pose
 from ..render.view import ViewRenderer, alone
 from .observe import MIN_ALPHA, grey_of
 from .working import WorkingPhoto

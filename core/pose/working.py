@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Intrinsics
 from ..features.subpixel import normalise_locally
+from ..geometry.camera import Intrinsics
 from ..photo import Photo
 from .matches import BoolArray
 

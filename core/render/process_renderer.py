@@ -14,9 +14,9 @@ from types import TracebackType
 
 import numpy as np
 
-from ..camera import FloatArray, Intrinsics, Pose
 from ..child import ONE_THREAD, Child
 from ..errors import Cancelled
+from ..geometry.camera import FloatArray, Intrinsics, Pose
 from ..splats.scene import GaussianScene
 from ..wire import WireError, receive, send
 from .renderer import Renderer

@@ -13,8 +13,8 @@ import sys
 import cv2
 import numpy as np
 
-from ..camera import Intrinsics, Pose
 from ..child import pipes
+from ..geometry.camera import Intrinsics, Pose
 from ..wire import receive, send
 from .renderer import Renderer
 from .tables import SceneTables

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Intrinsics, Pose
+from ..geometry.camera import Intrinsics, Pose
 from . import constants as c
 from .tables import SceneTables
 

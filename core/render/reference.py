@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Intrinsics, Pose
+from ..geometry.camera import Intrinsics, Pose
 from ..splats.scene import GaussianScene
 from . import constants as c
 from .view import RenderedView, RenderSettings

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Intrinsics, Pose
 from ..errors import Cancelled
+from ..geometry.camera import Intrinsics, Pose
 from ..splats.scene import GaussianScene
 from .blend import CHANNELS, PIXELS, Scratch, TileImage, blend_tiles
 from .color import colors

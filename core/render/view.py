@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..camera import Intrinsics, Pose
+from ..geometry.camera import Intrinsics, Pose
 from ..splats.scene import GaussianScene
 
 Float32Array = NDArray[np.float32]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..conventions import Orientation
 from ..errors import SplatFormatError
+from ..geometry.conventions import Orientation
 from .scene import Float32Array, GaussianScene
 
 SH_C0 = 0.28209479177387814  # the constant basis function, 1 / (2 sqrt(pi)): colour = 0.5 + SH_C0 f_dc

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..conventions import Orientation
+from ..geometry.conventions import Orientation
 from .scene import GaussianScene
 
 Progress = Callable[[float], None]

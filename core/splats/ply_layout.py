@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..conventions import Orientation
 from ..errors import SplatFormatError
+from ..geometry.conventions import Orientation
 from .activate import SceneBuilder
 from .format import Progress, SplatInfo
 from .ply_body import rows_at_most, skip_elements_before_vertex, vertex_columns

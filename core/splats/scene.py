@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..conventions import Orientation
 from ..errors import SplatFormatError
+from ..geometry.conventions import Orientation
 
 Float32Array = NDArray[np.float32]
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..conventions import Orientation
 from ..errors import SplatFormatError
+from ..geometry.conventions import Orientation
 from ..support.atomic import atomic_write
 from .activate import SH_C0, SceneBuilder
 from .format import Progress, SplatFormat, SplatInfo

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..conventions import HALF_TURN_X, HALF_TURN_X_QUATERNION, HALF_TURN_X_SH, Orientation
 from ..errors import SplatFormatError
+from ..geometry.conventions import HALF_TURN_X, HALF_TURN_X_QUATERNION, HALF_TURN_X_SH, Orientation
 from .scene import GaussianScene
 
 

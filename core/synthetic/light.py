@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 
 SAMPLES = 20  # points of the window that a surface point looks for
 BOUNCE = 0.52  # light that is everywhere

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 from ..splats.scene import GaussianScene
 from . import textures as tx
 from .light import daylight

@@ -9,10 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera import Camera, FloatArray, Intrinsics, Pose
 from ..camera_files import camera_to_dict
+from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
+from ..geometry.lie import so3_exp
 from ..lens import render_through_lens
-from ..lie import so3_exp
 from ..photo import Photo
 from ..render import Renderer, RenderSettings
 from ..render.view import ViewRenderer

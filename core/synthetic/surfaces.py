@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 from .textures import Picture, Rng
 
 SH_C0 = 0.28209479177387814

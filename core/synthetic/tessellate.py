@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..camera import FloatArray
+from ..geometry.camera import FloatArray
 from .surfaces import Surfels
 from .textures import Picture
 

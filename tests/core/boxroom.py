@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from core.camera import Intrinsics, Pose
+from core.geometry.camera import Intrinsics, Pose
 from core.photo import Photo
 from core.render.view import RenderedView
 

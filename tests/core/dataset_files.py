@@ -5,7 +5,7 @@ import struct
 import cv2
 import numpy as np
 
-from core.camera import Pose
+from core.geometry.camera import Pose
 
 # A camera at (1, 2, 3) that looks along the world's +x axis, with the world's +z axis up:
 # its right is -y, its down is -z, its forward is +x. Rows of R are those axes.

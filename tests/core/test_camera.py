@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from core.camera import Intrinsics, Pose, pose_error, rotation_angle_deg
 from core.errors import CameraError
-from core.lie import so3_exp
+from core.geometry.camera import Intrinsics, Pose, pose_error, rotation_angle_deg
+from core.geometry.lie import so3_exp
 
 LENS = Intrinsics(720, 1280, 917.0, 916.3, 369.7, 643.5, (0.0578, -0.0805, -0.00098, 0.00016, 0.01))
 

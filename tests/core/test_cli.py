@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from cli_place import FAST, SIZE, Place
 
-from core.camera import Camera, Intrinsics, Pose, pose_error
 from core.camera_files import camera_from_dict
 from core.cli import build_parser, main
 from core.commands.flags import settings_from
 from core.commands.render import output_names
 from core.features.registry import EXTRACTORS, MATCHERS
+from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
 from core.pose.settings import RefineSettings
 from core.render import render_reference
 from core.splats import read_splats

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from cli_place import FAST, Place, hurt_readers
 
-from core.camera import pose_error
 from core.camera_files import camera_from_dict
 from core.cli import main
 from core.commands.store import ResultStore, job_key
+from core.geometry.camera import pose_error
 from core.support.atomic import atomic_write
 
 PATIENCE_S = 120

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from dataset_files import put
 
-from core.camera import Camera, Intrinsics, Pose
 from core.camera_files import read_cameras, read_starts, write_cameras
 from core.cli import main
 from core.datasets import read, starts
 from core.datasets.nerfstudio import write_transforms
 from core.datasets.training_world import read_training_world
 from core.errors import DatasetError
-from core.lie import so3_exp
+from core.geometry.camera import Camera, Intrinsics, Pose
+from core.geometry.lie import so3_exp
 
 LENS = Intrinsics(640, 480, 500.0, 510.0, 321.0, 239.0, (0.01, -0.02, 0.001, 0.002, 0.0))
 CAMERAS = [Camera(LENS, Pose(so3_exp([0.1 * i, -0.3, 0.2]), np.array([0.5, -i, 2.0])), f"images/{i}.jpg") for i in range(3)]

@@ -9,13 +9,13 @@ from cli_place import FAST, Place
 from dataset_files import CAMBRIDGE_TITLE, LINE, put
 
 from core import datasets
-from core.camera import Intrinsics, Pose, pose_error
 from core.cli import build_parser, main
 from core.commands.flags import settings_from
 from core.datasets import pose_list
+from core.geometry.camera import Intrinsics, Pose, pose_error
+from core.geometry.quaternion import quaternion_from_rotation
 from core.pose.settings import RefineSettings
 from core.presets import PRESETS
-from core.quaternion import quaternion_from_rotation
 from core.render import Renderer, RenderSettings
 from core.splats import read_splats
 from core.synthetic import make_photo

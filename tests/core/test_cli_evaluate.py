@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from dataset_files import CAMBRIDGE_LINE, CAMBRIDGE_TITLE, CENTRE, LINE, OPENGL, R, cambridge, put, seven_scenes
 
-from core.camera import Camera, Intrinsics, Pose
 from core.camera_files import write_cameras
 from core.cli import main
 from core.datasets import colmap, pose_list
+from core.geometry.camera import Camera, Intrinsics, Pose
 
 PUBLISHED = Path(__file__).parents[2].parent / "shared" / "eval"
 MOVED = "0.5 0.5 -0.5 0.5 2 3 -0.97"  # along the line of sight by 3 cm

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core import compare_pictures as cp
-from core.camera import Camera, Intrinsics, Pose
+from core.geometry.camera import Camera, Intrinsics, Pose
 from core.photo import Photo
 from core.pose.look import matches_at
 from core.pose.settings import RefineSettings

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from geometry import fan, random_pose
 
-from core.camera import pose_error
-from core.lie import so3_exp
+from core.geometry.camera import pose_error
+from core.geometry.lie import so3_exp
 from core.pose.consistency import consensus_pose
 from core.pose.two_view import TwoViewPose
 

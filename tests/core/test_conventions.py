@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from core import conventions
-from core.camera import Intrinsics, Pose, pose_error
-from core.conventions import BlenderLens, Similarity
 from core.errors import CameraError
+from core.geometry import conventions
+from core.geometry.camera import Intrinsics, Pose, pose_error
+from core.geometry.conventions import BlenderLens, Similarity
 
 
 def random_rotation(rng):

@@ -23,11 +23,11 @@ from dataset_files import (
 )
 
 from core import datasets
-from core.camera import Camera, Intrinsics, Pose
 from core.camera_files import write_cameras
 from core.datasets import colmap, nerfstudio, pose_list
 from core.errors import DatasetError
-from core.lie import so3_exp
+from core.geometry.camera import Camera, Intrinsics, Pose
+from core.geometry.lie import so3_exp
 
 LENS = Intrinsics(640, 480, 500.0, 501.0, 321.0, 239.5)
 

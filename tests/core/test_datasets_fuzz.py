@@ -18,9 +18,9 @@ from dataset_files import (
 )
 
 from core import datasets
-from core.camera import Camera, Intrinsics
 from core.camera_files import camera_to_dict
 from core.errors import GssmcError
+from core.geometry.camera import Camera, Intrinsics
 
 JUNK = [b"nan", b"1e999", b"-1", b"", b"\0", b"\xff", b"9" * 400, b"9" * 5000, b"null", b"true", b'"x"', b"[]", b"{}", b"0"]
 JUNK += [b" ", b"\n", b"#", b"1_0", b"inf", b"1e308", "\u0661".encode()]

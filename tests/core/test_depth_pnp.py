@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from geometry import CAMERA, fan, make_matches, random_pose, world
 
-from core.camera import pose_error
-from core.lie import se3_exp
+from core.geometry.camera import pose_error
+from core.geometry.lie import se3_exp
 from core.pose.depth_pnp import FOCAL_SCALES, _jacobian, _reproject, lifted, pnp_pose
 
 FOCAL = CAMERA.focal

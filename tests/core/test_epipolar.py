@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from geometry import CAMERA, fan, make_matches, random_pose, world
 
-from core.camera import pose_error
-from core.lie import hat, se3_exp
+from core.geometry.camera import pose_error
+from core.geometry.lie import hat, se3_exp
 from core.pose.epipolar import epipolar_residuals, huber, measure_epipolar, refine_epipolar
 from core.pose.solve import fine_pose
 

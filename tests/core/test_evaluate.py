@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.camera import Pose
 from core.datasets import PosedFrame, PoseSet
 from core.errors import DatasetError
 from core.evaluate import STYLES, average, pose_errors, rounded, score, table
-from core.lie import so3_exp
+from core.geometry.camera import Pose
+from core.geometry.lie import so3_exp
 
 INF = math.inf
 

@@ -11,7 +11,6 @@ from test_net_process import children  # noqa: F401 - a fixture
 from test_refine import DEPTH, LENS, TRUTH, _start
 
 import core.pose.refine as refine_module
-from core.camera import Camera, pose_error
 from core.errors import FeatureError
 from core.features import registry
 from core.features.frontend import Frontend, check_choice, make_frontend
@@ -19,6 +18,7 @@ from core.features.looks import Looks
 from core.features.net_process import RemoteExtractor, RemoteMatcher
 from core.features.sift import RootSift
 from core.features.types import no_features
+from core.geometry.camera import Camera, pose_error
 from core.pose.refine import iterate_refinement, refine
 from core.pose.settings import RefineSettings
 

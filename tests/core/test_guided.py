@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from boxroom import BoxRoom
 
-from core.camera import Intrinsics, Pose
-from core.lie import so3_exp
+from core.geometry.camera import Intrinsics, Pose
+from core.geometry.lie import so3_exp
 from core.photo import Photo
 from core.pose.guided import follow, match_corners, pick_corners, sample
 from core.pose.matches import bearings

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from geometry import CAMERA, fan, make_matches, random_pose, world
 
-from core.camera import pose_error
-from core.lie import se3_exp
+from core.geometry.camera import pose_error
+from core.geometry.lie import se3_exp
 from core.pose.final import choose
 from core.pose.joint import CELL_CORRELATION, CELLS, SCALE, STAGES, JointProblem, _equations, density_weights, fit_joint
 from core.pose.lens import FREE, PRIOR_STD, LensCamera, lens_difference

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from core.camera import Pose
-from core.lie import hat, left_jacobian, left_jacobian_inverse, se3_exp, se3_log, so3_exp, so3_log
+from core.geometry.camera import Pose
+from core.geometry.lie import hat, left_jacobian, left_jacobian_inverse, se3_exp, se3_log, so3_exp, so3_log
 
 ANGLES = [0.0, 1e-9, 1e-6, 3e-5, 0.1, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-6]
 

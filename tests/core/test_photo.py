@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from core.camera import Intrinsics
 from core.errors import PhotoError
+from core.geometry.camera import Intrinsics
 from core.photo import Photo, check_size, read_photo
 
 SHORT, LONG, RATIONAL = 3, 4, 5

@@ -9,8 +9,8 @@ import pytest
 from photo_files import RATIONAL, SHORT, encoded, exif, picture, tiff
 
 from core import photo_size, sensors
-from core.camera import Intrinsics
 from core.errors import PhotoError
+from core.geometry.camera import Intrinsics
 from core.photo import check_size, read_photo
 from core.photo_linear import photo_from_linear, srgb
 from core.photo_size import picture_size, reduction

@@ -5,8 +5,8 @@ import pytest
 from dataset_files import QUATERNION, R
 
 from core.errors import CameraError
-from core.lie import so3_exp
-from core.quaternion import quaternion_from_rotation, rotation_from_quaternion
+from core.geometry.lie import so3_exp
+from core.geometry.quaternion import quaternion_from_rotation, rotation_from_quaternion
 
 
 def test_a_quarter_turn_and_a_third_of_a_turn_by_hand():

@@ -7,9 +7,9 @@ import pytest
 from boxroom import BoxRoom
 
 import core.pose.loop as loop_module
-from core.camera import Camera, Intrinsics, Pose, pose_error
 from core.errors import RefineError
-from core.lie import so3_exp
+from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
+from core.geometry.lie import so3_exp
 from core.photo import Photo
 from core.pose.refine import iterate_refinement, refine
 from core.pose.settings import RefineSettings

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.camera import Intrinsics, Pose
+from core.geometry.camera import Intrinsics, Pose
 from core.render import Renderer
 from core.splats import read_splats
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from core.camera import Intrinsics, Pose
 from core.errors import Cancelled
+from core.geometry.camera import Intrinsics, Pose
 from core.render import Renderer, RenderSettings
 from core.render.sharing import HANDOVER_S, quick_handover
 

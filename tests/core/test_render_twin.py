@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from core.camera import Intrinsics, Pose
 from core.errors import Cancelled
+from core.geometry.camera import Intrinsics, Pose
 from core.render import Renderer, RenderSettings, render_reference
 from core.splats.scene import GaussianScene
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from geometry import CAMERA, make_matches, random_pose, world
 
-from core.lie import hat, se3_exp
+from core.geometry.lie import hat, se3_exp
 from core.pose.lens import LensCamera, lens_difference, moved_lens
 from core.pose.matches import world_points
 from core.pose.reprojection import MIN_SIGMA_PX, Lifted, apply, reproject, robust_across_px, whitening

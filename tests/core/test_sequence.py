@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from core.camera import Pose, pose_error
 from core.errors import RefineError
-from core.lie import so3_exp
+from core.geometry.camera import Pose, pose_error
+from core.geometry.lie import so3_exp
 from core.sequence import FramePose, interpolate, keyframes, nearest, outward, smooth, stray_frames
 
 DEPTH = 3.0

@@ -7,8 +7,8 @@ import numpy as np
 import plyfile
 import pytest
 
-from core.camera import Pose
 from core.errors import SplatFormatError
+from core.geometry.camera import Pose
 from core.render import Renderer, RenderSettings
 from core.splats import read_splats
 from core.splats.ply import write_ply

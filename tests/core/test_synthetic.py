@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.camera import pose_error
 from core.camera_files import read_cameras
 from core.cli import main
+from core.geometry.camera import pose_error
 from core.pictures import before_after, chessboard
 from core.pose.refine import refine
 from core.render import Renderer, RenderSettings

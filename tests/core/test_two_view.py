@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from geometry import CAMERA, fan, make_matches, random_pose, world
 
-from core.camera import Pose, rotation_angle_deg
+from core.geometry.camera import Pose, rotation_angle_deg
 from core.pose.matches import ViewMatches
 from core.pose.two_view import in_front, two_view_pose
 

@@ -79,7 +79,7 @@ def test_points_lie_where_blender_draws_them(bpy, extension, splat, fit):
             bpy.context.view_layer.update()
             back = bridge.read_camera(scene, camera, splat).at_size(*photo)
             np.testing.assert_allclose(back.intrinsics.matrix, wanted.intrinsics.matrix, rtol=2e-5, atol=2e-4)
-            distance, degrees = extension("core.camera").pose_error(back.pose, wanted.pose)
+            distance, degrees = extension("core.geometry.camera").pose_error(back.pose, wanted.pose)
             assert (distance < 1e-4, degrees < 1e-3) == (True, True)
         bpy.data.objects.remove(camera)
     assert worst < 5e-6, "share of the photo's long side by which the two projections differ"
@@ -87,12 +87,12 @@ def test_points_lie_where_blender_draws_them(bpy, extension, splat, fit):
 
 def moved(extension, camera, rng):
     """Another pose, focal length and principal point."""
-    engine = extension("core.camera")
+    engine = extension("core.geometry.camera")
     k, w, h = camera.intrinsics, camera.intrinsics.width, camera.intrinsics.height
     factor = rng.uniform(0.8, 1.3)
     centre = w * rng.uniform(0.45, 0.55), h * rng.uniform(0.45, 0.55)
     lens = engine.Intrinsics(w, h, k.fx * factor, k.fy * factor, *centre, (0.05, -0.01, 0, 0, 0))
-    rotation = extension("core.lie").so3_exp(rng.uniform(-1, 1, 3))
+    rotation = extension("core.geometry.lie").so3_exp(rng.uniform(-1, 1, 3))
     return engine.Camera(lens, engine.Pose.from_centre(rotation, rng.uniform(-1, 1, 3)))
 
 
@@ -143,7 +143,7 @@ def test_an_animated_camera_gets_a_keyframe(bpy, extension, splat, mode):
     assert camera.matrix_world.translation.x == pytest.approx(20)
     scene.frame_set(10)
     back = bridge.read_camera(scene, camera, splat).at_size(60, 90)
-    distance, degrees = extension("core.camera").pose_error(back.pose, wanted.pose)
+    distance, degrees = extension("core.geometry.camera").pose_error(back.pose, wanted.pose)
     assert (distance < 1e-4, degrees < 1e-3) == (True, True)
 
 
@@ -166,7 +166,7 @@ def test_a_photo_of_oblong_pixels_fills_the_frame(bpy, extension, splat, tmp_pat
     """fx and fy that differ become the scene's pixel aspect; the background image must be drawn with it."""
     bridge, scene = extension("gssmc_addon.camera_bridge"), bpy.context.scene
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    camera, engine = scene.camera, extension("core.camera")
+    camera, engine = scene.camera, extension("core.geometry.camera")
     lens = engine.Intrinsics(60, 90, 80.0, 100.0, 30.0, 45.0)
     assert bridge.write_camera(scene, camera, splat, engine.Camera(lens, engine.Pose()))
     image = camera.data.background_images[0].image

@@ -20,10 +20,10 @@ def scene(bpy, splat_file):
 @pytest.fixture
 def cameras(extension, tmp_path):
     """Two engine cameras of photos that are there, one lens each."""
-    engine = extension("core.camera")
+    engine = extension("core.geometry.camera")
     made = []
     for i in range(2):
-        rotation = extension("core.lie").so3_exp(np.array([0.1, 0.2 * i, -0.3]))
+        rotation = extension("core.geometry.lie").so3_exp(np.array([0.1, 0.2 * i, -0.3]))
         lens = engine.Intrinsics(60, 90, 80.0 + i, 80.0 + i, 31.0, 44.0, (0.05, -0.01, 0.001, 0.002, 0))
         made.append(engine.Camera(lens, engine.Pose(rotation, np.array([0.5, 0.25 * i, 2.0])), f"{'ab'[i]}.png"))
         write_photo(tmp_path / made[-1].file)
@@ -31,7 +31,7 @@ def cameras(extension, tmp_path):
 
 
 def same(extension, got, wanted):
-    distance, degrees = extension("core.camera").pose_error(got.pose, wanted.pose)
+    distance, degrees = extension("core.geometry.camera").pose_error(got.pose, wanted.pose)
     assert (distance < 1e-5, degrees < 1e-3) == (True, True)
     np.testing.assert_allclose(got.intrinsics.matrix, wanted.intrinsics.matrix, rtol=1e-5)
     np.testing.assert_allclose(got.intrinsics.dist, wanted.intrinsics.dist, atol=1e-6)
@@ -65,7 +65,7 @@ def test_cameras_go_in_and_come_out(bpy, extension, scene, cameras, tmp_path, ki
 
 def test_cameras_of_nerfstudio_follow_its_splat_and_go_back(bpy, extension, scene, cameras, tmp_path):
     """p_splat = scale * (R p + t): a camera comes to where its centre goes, and is exported to where it was."""
-    turn, shift, scale = extension("core.lie").so3_exp(np.array([0.3, -1.0, 0.5])), np.array([1.0, 2.0, -3.0]), 0.4
+    turn, shift, scale = extension("core.geometry.lie").so3_exp(np.array([0.3, -1.0, 0.5])), np.array([1.0, 2.0, -3.0]), 0.4
     world = tmp_path / "dataparser_transforms.json"
     world.write_text(json.dumps({"transform": np.column_stack([turn, shift]).tolist(), "scale": scale}))
     extension("core.datasets.nerfstudio").write_transforms(tmp_path / "transforms.json", cameras)

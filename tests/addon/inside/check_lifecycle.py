@@ -54,6 +54,6 @@ def test_every_setting_has_a_tooltip(bpy, extension):
 
 
 def test_core_inside_blender_is_the_zips_own(bpy, extension):
-    import core.camera
+    import core.geometry.camera
 
-    assert extension("core.camera").__file__ != core.camera.__file__
+    assert extension("core.geometry.camera").__file__ != core.geometry.camera.__file__

@@ -8,7 +8,7 @@ import rooms
 from panels_drawn import Layout
 from samples import counts, write_photo
 
-from core.camera import pose_error
+from core.geometry.camera import pose_error
 
 
 def matrices(scene):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import rooms
 
-from core.camera import Pose, pose_error
-from core.lie import so3_exp
+from core.geometry.camera import Pose, pose_error
+from core.geometry.lie import so3_exp
 from core.synthetic import sample_cameras
 
 FIRST, COUNT, STEP = 12, 9, 2  # files 12 to 20 show at frames 1 to 9

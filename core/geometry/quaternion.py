@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import CameraError
 from .camera import FloatArray
-from .errors import CameraError
 
 LENGTH_TOLERANCE = 0.02  # files round their digits; a length further from 1 means that these columns are something else
 

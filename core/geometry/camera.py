@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import CameraError
+from ..errors import CameraError
 
 FloatArray = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors import CameraError
 from .camera import FloatArray, Intrinsics, Pose
-from .errors import CameraError
 
 Distortion = tuple[float, float, float, float, float]
 SensorFit = Literal["AUTO", "HORIZONTAL", "VERTICAL"]

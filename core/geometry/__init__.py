@@ -1,0 +1,1 @@
+"""Cameras, poses, rotations, and the one place where axes are turned."""
