@@ -19,11 +19,11 @@ from ..geometry.camera import Camera
 from ..photo_mask import find_mask
 from ..pose.settings import RefineSettings
 from ..presets import PRESETS
+from ..processes.pool import Pool
 from ..results import error_to_dict
 from ..splats import check_splat_file
 from .flags import MASK_HELP, SCENE_HELP, UsageError, add_settings_flags, settings_from
 from .outcome import FAILED_VERDICT, OK, Outcome
-from .pool import Pool
 from .progress import ProgressBar
 from .queries import find_queries
 from .store import ResultStore, job_key

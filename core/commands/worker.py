@@ -16,9 +16,9 @@ from typing import Any
 import cv2
 
 from ..camera_files import camera_from_dict
-from ..child import pipes
 from ..errors import GssmcError
 from ..pose.settings import RefineSettings
+from ..processes.child import pipes
 from ..render import Renderer, RenderSettings
 from ..results import error_to_dict, report_to_dict
 from ..splats import read_splats

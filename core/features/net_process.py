@@ -10,9 +10,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ..child import Child
 from ..errors import FeatureError
-from ..wire import Arrays, Header, WireError, receive, send
+from ..processes.child import Child
+from ..processes.wire import Arrays, Header, WireError, receive, send
 from .types import Features, Grey, Mask, Matches, no_features, no_matches
 from .wire import pack_features, unpack_features, unpack_matches
 

@@ -17,9 +17,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..child import pipes
 from ..errors import FeatureError
-from ..wire import Arrays, Header, WireError, receive, send
+from ..processes.child import pipes
+from ..processes.wire import Arrays, Header, WireError, receive, send
 from .registry import EXTRACTORS, MATCHERS
 from .types import Extractor, Matcher
 from .wire import pack_features, unpack_features

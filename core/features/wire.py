@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..wire import Arrays, Header, WireError
+from ..processes.wire import Arrays, Header, WireError
 from .types import Features, Matches
 
 

@@ -14,11 +14,11 @@ from types import TracebackType
 
 import numpy as np
 
-from ..child import ONE_THREAD, Child
 from ..errors import Cancelled
 from ..geometry.camera import FloatArray, Intrinsics, Pose
+from ..processes.child import ONE_THREAD, Child
+from ..processes.wire import WireError, receive, send
 from ..splats.scene import GaussianScene
-from ..wire import WireError, receive, send
 from .renderer import Renderer
 from .tables import SceneTables, build_tables
 from .view import RenderedView, RenderSettings, ViewRenderer

@@ -13,9 +13,9 @@ import sys
 import cv2
 import numpy as np
 
-from ..child import pipes
 from ..geometry.camera import Intrinsics, Pose
-from ..wire import receive, send
+from ..processes.child import pipes
+from ..processes.wire import receive, send
 from .renderer import Renderer
 from .tables import SceneTables
 from .view import RenderSettings

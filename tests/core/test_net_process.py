@@ -15,7 +15,6 @@ import pytest
 from onnx_files import FLOAT, INT64, image_net, node, write_onnx
 from test_net_features import GREY, glue, pair, rows
 
-from core.child import Child
 from core.errors import FeatureError
 from core.features.aliked import Aliked
 from core.features.lightglue import LightGlue
@@ -23,7 +22,8 @@ from core.features.net_process import NetProcess, Nets, RemoteExtractor, RemoteM
 from core.features.superpoint import SuperPoint
 from core.features.types import Features
 from core.features.wire import unpack_features, unpack_matches
-from core.wire import WireError, receive, send
+from core.processes.child import Child
+from core.processes.wire import WireError, receive, send
 
 
 def alive(pid):

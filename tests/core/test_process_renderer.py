@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.child import Child
 from core.errors import Cancelled
 from core.geometry.camera import Intrinsics, Pose
 from core.geometry.lie import se3_exp
+from core.processes.child import Child
 from core.render import ProcessRenderer, RenderedView, Renderer, RenderSettings, process_renderer
 from core.splats.scene import GaussianScene
 

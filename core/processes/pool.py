@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any
 
-from ..child import ONE_THREAD, Child
 from ..errors import GssmcError, RefineError, SplatFormatError
+from .child import ONE_THREAD, Child
 
 POLL_S = 0.2
 
