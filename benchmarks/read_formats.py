@@ -86,7 +86,12 @@ def writers() -> dict[str, tuple[int, Callable[[Path, GaussianScene], None]]]:
     """Format name to SH degree and writer."""
     from dataclasses import replace
 
-    from core.splats import ply, ply_2dgs, ply_compressed_write, ply_mip, splat, spz_write
+    from core.splats import splat
+    from core.splats.ply import compressed_write as ply_compressed_write
+    from core.splats.ply import mip as ply_mip
+    from core.splats.ply import reader as ply
+    from core.splats.ply import two_dgs as ply_2dgs
+    from core.splats.spz import write as spz_write
 
     def flat(path: Path, scene: GaussianScene) -> None:
         scales = scene.scales.copy()
@@ -113,7 +118,7 @@ def _spz4(path: Path, scene: GaussianScene) -> None:
 
     import zstandard
 
-    from core.splats import spz_write
+    from core.splats.spz import write as spz_write
 
     spz_write.write_spz(path, scene, 3)
     plain = gzip.decompress(path.read_bytes())

@@ -38,7 +38,7 @@ import core.render.renderer as stages_of
 from core.geometry.camera import Intrinsics, Pose
 from core.render import ProcessRenderer, Renderer, RenderSettings, render_reference
 from core.splats import read_splats
-from core.splats.ply import write_ply
+from core.splats.ply.reader import write_ply
 from core.splats.scene import GaussianScene
 
 SHARED = ROOT.parent / "shared"

@@ -169,7 +169,7 @@ def large_scan(folder: Path) -> Path:
     many["means"] += (rng.normal(size=many["means"].shape) * many["scales"].min(axis=1, keepdims=True)).astype(np.float32)
     sh = np.zeros((len(many["means"]), 16, 3), np.float32)
     sh[:, : scene.sh.shape[1]] = np.repeat(scene.sh, COPIES, axis=0)
-    module("core.splats.ply").write_ply(folder / "large.ply", replace(scene, sh=sh, **many))
+    module("core.splats.ply.reader").write_ply(folder / "large.ply", replace(scene, sh=sh, **many))
     return folder / "large.ply"
 
 

@@ -7,9 +7,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import SplatFormatError
-from . import ply, ply_2dgs, ply_compressed, ply_mip, splat, spz
+from . import splat
 from .format import SplatFormat, SplatInfo
+from .ply import compressed as ply_compressed
+from .ply import mip as ply_mip
+from .ply import reader as ply
+from .ply import two_dgs as ply_2dgs
 from .scene import GaussianScene
+from .spz import reader as spz
 from .unknown import name_of
 
 __all__ = [

@@ -16,7 +16,7 @@ from ..lens import render_through_lens
 from ..photo import Photo
 from ..render import Renderer, RenderSettings
 from ..render.view import ViewRenderer
-from ..splats.ply import write_ply
+from ..splats.ply.reader import write_ply
 from .room import make_scene
 
 LENS = Intrinsics(640, 480, 505.0, 503.5, 324.0, 236.5, (-0.11, 0.045, 0.0008, -0.0006, 0.0))

@@ -8,7 +8,7 @@ import cv2
 
 from core.camera_files import camera_to_dict
 from core.render import Renderer, RenderSettings
-from core.splats.ply import write_ply
+from core.splats.ply.reader import write_ply
 from core.synthetic import make_photo, make_scene, perturb_camera, sample_cameras
 
 FAST = ["--long-side-px", "240", "--iterations", "2", "--candidates", "3"]

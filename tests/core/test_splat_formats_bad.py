@@ -18,7 +18,8 @@ from splat_files import (
 )
 
 from core.errors import SplatFormatError
-from core.splats import inspect_splats, read_splats, spz_payload
+from core.splats import inspect_splats, read_splats
+from core.splats.spz import payload as spz_payload
 
 ROWS = spz_rows(40, 1)
 SPZ = spz_bytes(ROWS, 3, 1)

@@ -11,13 +11,13 @@ from core.errors import SplatFormatError
 from core.geometry.camera import Pose
 from core.render import Renderer, RenderSettings
 from core.splats import read_splats
-from core.splats.ply import write_ply
-from core.splats.ply_2dgs import write_2dgs
-from core.splats.ply_compressed_write import write_compressed
-from core.splats.ply_mip import write_mip
+from core.splats.ply.compressed_write import write_compressed
+from core.splats.ply.mip import write_mip
+from core.splats.ply.reader import write_ply
+from core.splats.ply.two_dgs import write_2dgs
 from core.splats.scene import GaussianScene
 from core.splats.splat import write_splat
-from core.splats.spz_write import write_spz
+from core.splats.spz.write import write_spz
 from core.splats.turn import turned
 from core.synthetic import make_scene, sample_cameras
 

@@ -9,7 +9,7 @@ from ply_files import names, ply_bytes, raw_table
 
 from core.errors import Cancelled
 from core.splats import GaussianScene, read_splats
-from core.splats.ply import detect, write_ply
+from core.splats.ply.reader import detect, write_ply
 
 
 @pytest.fixture

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from .format import Progress, SplatFormat, SplatInfo
-from .ply_layout import MARKS, ORIENTATION, PlyLayout, inspect_layout, read_layout
-from .ply_write import Precision, property_names, raw_rows, write_rows
-from .scene import GaussianScene
-from .turn import turned
+from ..format import Progress, SplatFormat, SplatInfo
+from ..scene import GaussianScene
+from ..turn import turned
+from .layout import MARKS, ORIENTATION, PlyLayout, inspect_layout, read_layout
+from .write import Precision, property_names, raw_rows, write_rows
 
 GEOMETRY = ("x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity")
 LAYOUT = PlyLayout("ply", GEOMETRY)

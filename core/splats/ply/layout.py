@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import SplatFormatError
-from ..geometry.conventions import Orientation
-from .activate import SceneBuilder
-from .format import Progress, SplatInfo
-from .ply_body import rows_at_most, skip_elements_before_vertex, vertex_columns
-from .ply_header import PlyElement, read_header
-from .scene import SH_COEFFICIENTS, Float32Array, GaussianScene
+from ...errors import SplatFormatError
+from ...geometry.conventions import Orientation
+from ..activate import SceneBuilder
+from ..format import Progress, SplatInfo
+from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
+from .body import rows_at_most, skip_elements_before_vertex, vertex_columns
+from .header import PlyElement, read_header
 
 ORIENTATION: Orientation = "Y_DOWN"  # trainers keep COLMAP's world: x right, y down, z forward (RDF)
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SplatFormatError
-from .format import Progress, SplatFormat, SplatInfo
-from .ply import GEOMETRY
-from .ply_layout import ORIENTATION, PlyLayout, header_names, inspect_layout, read_layout
-from .ply_write import Precision, property_names, raw_rows, write_rows
-from .scene import Float32Array, GaussianScene
-from .turn import turned
+from ...errors import SplatFormatError
+from ..format import Progress, SplatFormat, SplatInfo
+from ..scene import Float32Array, GaussianScene
+from ..turn import turned
+from .layout import ORIENTATION, PlyLayout, header_names, inspect_layout, read_layout
+from .reader import GEOMETRY
+from .write import Precision, property_names, raw_rows, write_rows
 
 FILTER = "filter_3D"
 AT = len(GEOMETRY)

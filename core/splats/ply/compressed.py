@@ -18,12 +18,12 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SplatFormatError
-from .activate import SH_C0, SceneBuilder
-from .format import Progress, SplatFormat, SplatInfo
-from .ply_header import PlyElement, PlyHeader, read_header
-from .ply_layout import ORIENTATION, header_names, rest_names
-from .scene import SH_COEFFICIENTS, Float32Array, GaussianScene
+from ...errors import SplatFormatError
+from ..activate import SH_C0, SceneBuilder
+from ..format import Progress, SplatFormat, SplatInfo
+from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
+from .header import PlyElement, PlyHeader, read_header
+from .layout import ORIENTATION, header_names, rest_names
 
 NAME = "compressed ply"
 CHUNK = 256

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import IO
 
-from ..errors import SplatFormatError
+from ...errors import SplatFormatError
 
 MAX_HEADER_BYTES = 1 << 20
 QUOTED_CHARACTERS = 60

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..support.atomic import atomic_write
-from .activate import SH_C0
-from .ply_compressed import BLOCK, CHUNK, COLOUR_BOUNDS, LARGEST_FIRST, PACKED, POSITION_BOUNDS, SCALE_BOUNDS, SH_RANGE
-from .ply_layout import ORIENTATION
-from .ply_write import log_scales
-from .scene import Float32Array, GaussianScene
-from .turn import turned
+from ...support.atomic import atomic_write
+from ..activate import SH_C0
+from ..scene import Float32Array, GaussianScene
+from ..turn import turned
+from .compressed import BLOCK, CHUNK, COLOUR_BOUNDS, LARGEST_FIRST, PACKED, POSITION_BOUNDS, SCALE_BOUNDS, SH_RANGE
+from .layout import ORIENTATION
+from .write import log_scales
 
 MORTON_BITS = 10  # of each axis
 SCALE_LIMITS = (-20.0, 20.0)  # what the format's other writers clamp log scales to

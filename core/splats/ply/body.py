@@ -11,9 +11,9 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SplatFormatError
-from .ply_header import PlyElement, PlyHeader
-from .scene import Float32Array
+from ...errors import SplatFormatError
+from ..scene import Float32Array
+from .header import PlyElement, PlyHeader
 
 CHUNK_BYTES = 1 << 20  # a chunk and its columns stay in the processor's cache while they are turned
 ASCII_CHUNK_ROWS = 4096

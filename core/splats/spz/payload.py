@@ -21,8 +21,8 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SplatFormatError
-from ..geometry.conventions import Orientation
+from ...errors import SplatFormatError
+from ...geometry.conventions import Orientation
 
 zstandard: ModuleType | None
 try:

@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..support.atomic import atomic_write
-from .ply_layout import COLOUR
-from .scene import Float32Array, GaussianScene
+from ...support.atomic import atomic_write
+from ..scene import Float32Array, GaussianScene
+from .layout import COLOUR
 
 Precision = Literal["half", "float", "double"]
 CODES: dict[Precision, str] = {"half": "<f2", "float": "<f4", "double": "<f8"}

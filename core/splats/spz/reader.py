@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SplatFormatError
-from .format import Progress, SplatFormat, SplatInfo
-from .scene import SH_COEFFICIENTS, Float32Array, GaussianScene
-from .spz_payload import ORIENTATION, Payload, SpzHeader, first_bytes, open_payload, read_spz_header
+from ...errors import SplatFormatError
+from ..format import Progress, SplatFormat, SplatInfo
+from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
+from .payload import ORIENTATION, Payload, SpzHeader, first_bytes, open_payload, read_spz_header
 
 Bytes = NDArray[np.uint8]
 COLOUR_FACTOR = 0.15

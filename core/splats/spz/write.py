@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SplatFormatError
-from ..support.atomic import atomic_write
-from .ply_write import WRITE_ROWS, log_scales
-from .scene import Float32Array, GaussianScene
-from .spz import COLOUR_FACTOR, SCALE_OFFSET, SCALE_STEPS
-from .spz_payload import HEADER, MAGIC, ORIENTATION
-from .turn import turned
+from ...errors import SplatFormatError
+from ...support.atomic import atomic_write
+from ..ply.write import WRITE_ROWS, log_scales
+from ..scene import Float32Array, GaussianScene
+from ..turn import turned
+from .payload import HEADER, MAGIC, ORIENTATION
+from .reader import COLOUR_FACTOR, SCALE_OFFSET, SCALE_STEPS
 
 VERSIONS = (2, 3)
 MAX_BITS = 20  # finer steps than 1e-6 only cost room

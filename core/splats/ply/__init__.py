@@ -1,0 +1,1 @@
+"""The PLY family: 3DGS, 2DGS, Mip-Splatting and compressed PLY."""

@@ -1,0 +1,1 @@
+"""Niantic SPZ, versions 1 to 4."""
