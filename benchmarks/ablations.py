@@ -29,7 +29,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 from real_scenes import BOUNDS, SCENES, STARTS, Scan, start_camera
 
 from core.geometry.camera import pose_error
-from core.photo import read_photo
+from core.photos.photo import read_photo
 from core.pose.refine import refine
 from core.pose.settings import RefineSettings
 

@@ -25,7 +25,7 @@ from real_scenes import BOUNDS, SCENES, STARTS, Trial, run_scene
 
 from core.features.frontend import make_frontend
 from core.features.registry import AUTO
-from core.photo import read_photo
+from core.photos.photo import read_photo
 from core.pose.settings import RefineSettings
 
 ROUNDS = 7

@@ -22,7 +22,7 @@ sys.path.insert(0, str(ROOT))
 
 from core.camera_files import read_cameras
 from core.geometry.camera import Camera, pose_error
-from core.photo import read_photo
+from core.photos.photo import read_photo
 from core.pose.refine import refine
 from core.pose.report import RefineReport
 from core.pose.settings import RefineSettings

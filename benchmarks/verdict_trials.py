@@ -32,7 +32,7 @@ from real_scenes import SCENES, STARTS, Scan, start_camera
 
 from core.camera_files import read_cameras
 from core.geometry.camera import Camera, pose_error
-from core.photo import Photo, read_photo
+from core.photos.photo import Photo, read_photo
 from core.pose.refine import refine
 from core.pose.report import PoseQuality
 from core.pose.settings import RefineSettings

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .geometry.camera import Camera, FloatArray, Intrinsics, Pose
 from .lens import render_through_lens
-from .photo import Photo
+from .photos.photo import Photo
 from .render.view import RenderedView, ViewRenderer
 
 Image = NDArray[np.uint8]

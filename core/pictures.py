@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .compare_pictures import Comparison, render_photo_like, squares
 from .geometry.camera import Camera
-from .photo import Photo
+from .photos.photo import Photo
 from .render.view import ViewRenderer
 
 Image = NDArray[np.uint8]

@@ -13,7 +13,7 @@ from ..core.commands.outcome import Outcome
 from ..core.errors import GssmcError
 from ..core.geometry.camera import Camera
 from ..core.geometry.conventions import Orientation
-from ..core.photo import read_photo
+from ..core.photos.photo import read_photo
 from ..core.results import report_to_dict
 from ..core.splats import read_splats
 from . import camera_bridge, photo_camera, photo_image, properties, splat_import

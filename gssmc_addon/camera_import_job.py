@@ -20,8 +20,8 @@ from ..core.camera_files import Start
 from ..core.datasets.training_world import read_training_world
 from ..core.errors import CameraError, GssmcError
 from ..core.geometry.camera import Camera
-from ..core.lens_guess import guess_lens
-from ..core.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
+from ..core.photos.lens_guess import guess_lens
+from ..core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
 from . import camera_bridge, jobs, photo_camera, photo_image
 from .job import Job, redraw
 from .texts import iface_, n_, rpt_

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 
 from ..core.errors import PhotoError
-from ..core.photo import Photo
-from ..core.photo_mask import WHITE, with_mask
+from ..core.photos.mask import WHITE, with_mask
+from ..core.photos.photo import Photo
 from . import photo_image
 from .photo_image import PhotoSource
 from .plate_source import FrameSource

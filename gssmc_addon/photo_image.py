@@ -10,10 +10,10 @@ import bpy
 import numpy as np
 
 from ..core.errors import PhotoError
-from ..core.exif import read_exif
-from ..core.photo import Photo, read_photo
-from ..core.photo_linear import photo_from_linear
-from ..core.photo_size import EXR_SIGNATURE
+from ..core.photos.exif import read_exif
+from ..core.photos.linear import photo_from_linear
+from ..core.photos.photo import Photo, read_photo
+from ..core.photos.size import EXR_SIGNATURE
 from .texts import rpt_
 
 FILE_KEY = "gssmc_file"

@@ -6,7 +6,7 @@ import bpy
 import cv2
 import numpy as np
 
-from ..core.photo import Photo
+from ..core.photos.photo import Photo
 from . import photo_camera, photo_image
 from .photo_entry import GssmcPhoto
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from ..core.errors import RefineError
-from ..core.photo import Photo, read_photo
+from ..core.photos.photo import Photo, read_photo
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from . import jobs, photo_camera, photo_image, photo_list, splat_object

@@ -8,8 +8,8 @@ from pathlib import Path
 import bpy
 
 from ..core.errors import PhotoError
-from ..core.photo import Photo
-from ..core.plate import DIGITS, Plate, open_plate
+from ..core.photos.photo import Photo
+from ..core.photos.plate import DIGITS, Plate, open_plate
 from . import photo_image
 from .photo_image import PhotoSource
 from .texts import rpt_

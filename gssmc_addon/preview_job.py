@@ -14,7 +14,7 @@ from ..core import compare_pictures
 from ..core.compare_pictures import Comparison, DrawnMatches, Image
 from ..core.errors import GssmcError, RefineError
 from ..core.geometry.camera import Camera, Intrinsics, Pose
-from ..core.photo import Photo, check_size
+from ..core.photos.photo import Photo, check_size
 from ..core.pose.settings import RefineSettings
 from ..core.render import Renderer
 from ..core.render.view import RenderedView

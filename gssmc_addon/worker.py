@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..core.errors import GssmcError
-from ..core.photo import Photo
+from ..core.photos.photo import Photo
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from ..core.render.sharing import quick_handover

@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty
 
-from ..core.plate import open_plate
+from ..core.photos.plate import open_plate
 from ..gssmc_addon import photo_camera, plate_source
 from ..gssmc_addon.job_operator import Idle
 from ..gssmc_addon.texts import rpt_

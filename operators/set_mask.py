@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ..core.errors import CameraError, GssmcError
-from ..core.photo_mask import find_mask
+from ..core.photos.mask import find_mask
 from ..gssmc_addon import mask_source, photo_image, photo_list, plate_source
 from ..gssmc_addon.operator_parts import FromFile, PlainOperator
 from ..gssmc_addon.texts import rpt_

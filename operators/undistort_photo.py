@@ -3,7 +3,7 @@
 import bpy
 
 from ..core.errors import CameraError
-from ..core.undistort import undistorted
+from ..core.photos.undistort import undistorted
 from ..gssmc_addon import camera_bridge, photo_image
 from ..gssmc_addon.operator_parts import OfPhoto
 from ..gssmc_addon.texts import rpt_

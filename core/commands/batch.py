@@ -16,7 +16,7 @@ from ..console import note, say
 from ..datasets import pose_list
 from ..errors import SplatFormatError
 from ..geometry.camera import Camera
-from ..photo_mask import find_mask
+from ..photos.mask import find_mask
 from ..pose.settings import RefineSettings
 from ..presets import PRESETS
 from ..processes.pool import Pool

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..camera_files import read_cameras
 from ..console import say
 from ..geometry.camera import Camera, pose_error
-from ..photo import read_photo
+from ..photos.photo import read_photo
 from ..pictures import before_after, save_png
 from ..pose.report import RefineReport
 from ..render import ProcessRenderer, RenderSettings

@@ -12,7 +12,7 @@ from ..datasets import match_names, queries, read
 from ..datasets.pose_list import checked
 from ..errors import DatasetError, PhotoError
 from ..geometry.camera import Camera, Intrinsics
-from ..lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
+from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 from .flags import UsageError
 
 UNREAD = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of a photo that cannot be read

@@ -11,9 +11,9 @@ from ..camera_files import Start, read_starts
 from ..console import note, say
 from ..errors import CameraError, PhotoError
 from ..geometry.camera import Camera
-from ..lens_guess import guess_lens
-from ..photo import Photo, read_photo
-from ..photo_mask import find_mask, masked
+from ..photos.lens_guess import guess_lens
+from ..photos.mask import find_mask, masked
+from ..photos.photo import Photo, read_photo
 from ..pose.report import RefineReport
 from ..render import ProcessRenderer, RenderSettings
 from ..results import report_to_dict

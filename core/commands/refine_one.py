@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..geometry.camera import Camera
-from ..photo import Photo, check_size, read_photo
-from ..photo_mask import masked
+from ..photos.mask import masked
+from ..photos.photo import Photo, check_size, read_photo
 from ..pose.refine import refine
 from ..pose.report import RefineProgress, RefineReport
 from ..pose.settings import RefineSettings

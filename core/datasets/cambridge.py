@@ -13,7 +13,7 @@ import cv2
 from ..errors import CameraError, DatasetError, PhotoError
 from ..geometry.camera import Intrinsics, Pose
 from ..geometry.quaternion import rotation_from_quaternion
-from ..photo import read_photo
+from ..photos.photo import read_photo
 from .colmap import read_lens
 from .names import match_names
 from .text import data_lines, head, numbers

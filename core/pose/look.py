@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..compare_pictures import DrawnMatches, judge_matches
 from ..features.frontend import make_frontend
 from ..geometry.camera import Camera, FloatArray, Intrinsics
-from ..photo import Photo
+from ..photos.photo import Photo
 from ..render.view import ViewRenderer
 from .observe import make_query, observe
 from .settings import RefineSettings

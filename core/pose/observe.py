@@ -13,7 +13,7 @@ from ..features.frontend import Frontend
 from ..features.subpixel import SubpixelAligner, normalise_locally
 from ..features.types import Features
 from ..geometry.camera import FloatArray, Intrinsics, Pose
-from ..photo import Photo
+from ..photos.photo import Photo
 from ..render.view import RenderedView, ViewRenderer
 from .matches import BoolArray, ViewMatches
 from .working import GreyImage, WorkingPhoto

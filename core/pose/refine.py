@@ -12,7 +12,7 @@ import numpy as np
 
 from ..features.frontend import Frontend, make_frontend
 from ..geometry.camera import Camera, Intrinsics
-from ..photo import Photo
+from ..photos.photo import Photo
 from ..render.view import ViewRenderer
 from .final import final_stage
 from .lens import LensCamera, LensMode

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..features.subpixel import normalise_locally
 from ..geometry.camera import Intrinsics
-from ..photo import Photo
+from ..photos.photo import Photo
 from .matches import BoolArray
 
 GreyImage = NDArray[np.uint8]

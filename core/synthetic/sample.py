@@ -13,7 +13,7 @@ from ..camera_files import camera_to_dict
 from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
 from ..geometry.lie import so3_exp
 from ..lens import render_through_lens
-from ..photo import Photo
+from ..photos.photo import Photo
 from ..render import Renderer, RenderSettings
 from ..render.view import ViewRenderer
 from ..splats.ply.reader import write_ply

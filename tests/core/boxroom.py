@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from core.geometry.camera import Intrinsics, Pose
-from core.photo import Photo
+from core.photos.photo import Photo
 from core.render.view import RenderedView
 
 HALF = np.array([3.0, 2.0, 4.0])

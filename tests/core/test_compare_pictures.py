@@ -5,7 +5,7 @@ import pytest
 
 from core import compare_pictures as cp
 from core.geometry.camera import Camera, Intrinsics, Pose
-from core.photo import Photo
+from core.photos.photo import Photo
 from core.pose.look import matches_at
 from core.pose.settings import RefineSettings
 from core.render import Renderer, RenderSettings

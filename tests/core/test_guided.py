@@ -8,7 +8,7 @@ from boxroom import BoxRoom
 
 from core.geometry.camera import Intrinsics, Pose
 from core.geometry.lie import so3_exp
-from core.photo import Photo
+from core.photos.photo import Photo
 from core.pose.guided import follow, match_corners, pick_corners, sample
 from core.pose.matches import bearings
 from core.pose.working import WorkingPhoto

@@ -11,8 +11,8 @@ from core.camera_files import camera_from_dict, camera_to_dict, read_cameras, re
 from core.cli import main
 from core.errors import CameraError, PhotoError
 from core.geometry.camera import Camera, Intrinsics, Pose
-from core.lens_guess import DEFAULT_FOV_DEG, guess_lens, guess_lens_of_file
-from core.photo import read_photo
+from core.photos.lens_guess import DEFAULT_FOV_DEG, guess_lens, guess_lens_of_file
+from core.photos.photo import read_photo
 
 POSE = {"R": np.eye(3).tolist(), "t": [0, 0, 1]}
 

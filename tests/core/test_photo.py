@@ -8,7 +8,7 @@ import pytest
 
 from core.errors import PhotoError
 from core.geometry.camera import Intrinsics
-from core.photo import Photo, check_size, read_photo
+from core.photos.photo import Photo, check_size, read_photo
 
 SHORT, LONG, RATIONAL = 3, 4, 5
 RGB = np.random.default_rng(0).integers(0, 256, (6, 9, 3)).astype(np.uint8)

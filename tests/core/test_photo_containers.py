@@ -6,7 +6,7 @@ import pytest
 from photo_files import RATIONAL, SHORT, encoded, exif, picture, tiff
 
 from core.errors import PhotoError
-from core.photo import read_photo
+from core.photos.photo import read_photo
 
 CODEC_ERROR = {".jpg": 12, ".png": 0, ".webp": 12}  # largest error of the codec inside a block
 UPRIGHT = {  # EXIF's own definition: where the stored first row and first column belong

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from photo_files import RATIONAL, SHORT, encoded, exif, picture, tiff
 
-from core import photo_size, sensors
 from core.errors import PhotoError
 from core.geometry.camera import Intrinsics
-from core.photo import check_size, read_photo
-from core.photo_linear import photo_from_linear, srgb
-from core.photo_size import picture_size, reduction
+from core.photos import sensors
+from core.photos import size as photo_size
+from core.photos.linear import photo_from_linear, srgb
+from core.photos.photo import check_size, read_photo
+from core.photos.size import picture_size, reduction
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from cli_place import FAST, Place
 from core.cli import main
 from core.errors import PhotoError
 from core.features.sift import RootSift
-from core.photo import Photo, read_photo
-from core.photo_mask import find_mask, masked
+from core.photos.mask import find_mask, masked
+from core.photos.photo import Photo, read_photo
 from core.pose.observe import Frontend, make_query
 from core.synthetic import sample_cameras
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from core.errors import PhotoError
-from core.plate import Plate, open_plate
+from core.photos.plate import Plate, open_plate
 
 
 def write_frames(folder, numbers, pattern="shot_v2.{:04d}.png"):

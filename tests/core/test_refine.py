@@ -10,7 +10,7 @@ import core.pose.loop as loop_module
 from core.errors import RefineError
 from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
 from core.geometry.lie import so3_exp
-from core.photo import Photo
+from core.photos.photo import Photo
 from core.pose.refine import iterate_refinement, refine
 from core.pose.settings import RefineSettings
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from core import undistort
 from core.geometry.camera import Intrinsics
-from core.photo import Photo
+from core.photos import undistort
+from core.photos.photo import Photo
 
 LENS = Intrinsics(320, 240, 250.0, 255.0, 165.0, 118.0, (-0.25, 0.08, 0.002, -0.001, 0.0))
 

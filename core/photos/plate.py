@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .errors import PhotoError
+from ..errors import PhotoError
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name

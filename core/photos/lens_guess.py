@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from .geometry.camera import Intrinsics
-from .geometry.conventions import focal_px_from_35mm
+from ..geometry.camera import Intrinsics
+from ..geometry.conventions import focal_px_from_35mm
 from .photo import Photo, photo_facts
 
 DEFAULT_FOV_DEG = 55.0  # across the long side, about 35 mm on full frame: between a phone's wide lens and a normal one

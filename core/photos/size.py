@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .errors import PhotoError
+from ..errors import PhotoError
 from .exif import tiff_size
 
 EXR_SIGNATURE = b"\x76\x2f\x31\x01"

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry.camera import Intrinsics
+from ..geometry.camera import Intrinsics
 from .photo import Photo
 
 ROWS = 256  # mapped at a time: the map of a whole photo would take several times its memory

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import PhotoError
+from ..errors import PhotoError
+from ..geometry.camera import Intrinsics
 from .exif import Exif, read_exif
-from .geometry.camera import Intrinsics
-from .photo_size import EXR_SIGNATURE, check_pixels, picture_size, reduction
 from .sensors import focal_35mm_of
+from .size import EXR_SIGNATURE, check_pixels, picture_size, reduction
 
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 JPEG_SIGNATURE = b"\xff\xd8"

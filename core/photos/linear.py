@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import PhotoError
+from ..errors import PhotoError
 from .photo import Photo
-from .photo_size import reduction
+from .size import reduction
 
 WHITE_SHARE = 0.99  # of the pixels that are darker than what becomes white
 LINEAR_END, LINEAR_SLOPE, POWER, SCALE, OFFSET = 0.0031308, 12.92, 1 / 2.4, 1.055, 0.055  # the sRGB curve, IEC 61966-2-1
