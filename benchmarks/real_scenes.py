@@ -20,7 +20,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from core.camera_files import read_cameras
+from core.cameras.files import read_cameras
 from core.geometry.camera import Camera, pose_error
 from core.photos.photo import read_photo
 from core.pose.refine import refine

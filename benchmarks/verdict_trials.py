@@ -30,7 +30,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 from real_scenes import SCENES, STARTS, Scan, start_camera
 
-from core.camera_files import read_cameras
+from core.cameras.files import read_cameras
 from core.geometry.camera import Camera, pose_error
 from core.photos.photo import Photo, read_photo
 from core.pose.refine import refine

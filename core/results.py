@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from .camera_files import camera_to_dict
+from .cameras.files import camera_to_dict
 from .geometry.camera import Camera
 from .pose.report import IterationRecord, RefineReport
 

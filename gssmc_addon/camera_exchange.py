@@ -9,9 +9,9 @@ from pathlib import Path
 
 import bpy
 
-from ..core.camera_files import camera_to_dict
-from ..core.datasets import colmap, nerfstudio
-from ..core.datasets.training_world import read_training_world
+from ..core.cameras import colmap, nerfstudio
+from ..core.cameras.files import camera_to_dict
+from ..core.cameras.training_world import read_training_world
 from ..core.errors import CameraError, DatasetError
 from ..core.geometry.camera import Camera
 from ..core.support.atomic import atomic_write

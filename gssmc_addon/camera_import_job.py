@@ -15,9 +15,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import datasets
-from ..core.camera_files import Start
-from ..core.datasets.training_world import read_training_world
+from ..core import cameras as datasets
+from ..core.cameras.files import Start
+from ..core.cameras.training_world import read_training_world
 from ..core.errors import CameraError, GssmcError
 from ..core.geometry.camera import Camera
 from ..core.photos.lens_guess import guess_lens

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ..core.camera_files import read_starts
+from ..core.cameras.files import read_starts
 from ..core.errors import CameraError
 from ..core.geometry import conventions
 from ..core.geometry.camera import Camera, Intrinsics

@@ -82,7 +82,7 @@ def engine_camera(camera: Any, sample: SampleFiles) -> Camera:
     import bpy
     from bl_ext.user_default.gssmc.gssmc_addon import camera_bridge
 
-    from core.camera_files import read_cameras
+    from core.cameras.files import read_cameras
     from core.geometry.camera import Camera, Intrinsics, Pose
 
     bpy.context.view_layer.update()
@@ -105,7 +105,7 @@ def draw_before_after(sample: SampleFiles, before: Camera, after: Camera, path: 
 
 def say(sample: SampleFiles, note: Any, before: Camera, after: Camera) -> int:
     """Prints verdict and errors; 0 when the camera is trusted and home, else 3."""
-    from core.camera_files import read_cameras
+    from core.cameras.files import read_cameras
     from core.geometry.camera import pose_error
 
     truth = read_cameras(sample.truth)[0].pose

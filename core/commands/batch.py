@@ -11,9 +11,9 @@ from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
-from ..camera_files import camera_from_dict, camera_to_dict
+from ..cameras import pose_list
+from ..cameras.files import camera_from_dict, camera_to_dict
 from ..console import note, say
-from ..datasets import pose_list
 from ..errors import SplatFormatError
 from ..geometry.camera import Camera
 from ..photos.mask import find_mask

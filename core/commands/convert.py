@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..camera_files import Start
+from ..cameras import colmap, nerfstudio, pose_list, starts
+from ..cameras.files import Start
+from ..cameras.training_world import FILE, read_training_world
 from ..console import say
-from ..datasets import colmap, nerfstudio, pose_list, starts
-from ..datasets.training_world import FILE, read_training_world
 from ..errors import DatasetError
 from ..geometry.camera import Camera
 from ..geometry.conventions import Similarity

@@ -7,7 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ..camera_files import read_cameras
+from ..cameras.files import read_cameras
 from ..console import say
 from ..geometry.camera import Camera, pose_error
 from ..photos.photo import read_photo

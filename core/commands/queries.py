@@ -6,10 +6,10 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..camera_files import Start, read_starts
+from ..cameras import match_names, queries, read
+from ..cameras.files import Start, read_starts
+from ..cameras.pose_list import checked
 from ..console import note
-from ..datasets import match_names, queries, read
-from ..datasets.pose_list import checked
 from ..errors import DatasetError, PhotoError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file

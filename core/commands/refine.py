@@ -7,7 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ..camera_files import Start, read_starts
+from ..cameras.files import Start, read_starts
 from ..console import note, say
 from ..errors import CameraError, PhotoError
 from ..geometry.camera import Camera

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera_files import read_cameras
+from ..cameras.files import read_cameras
 from ..console import say
 from ..geometry.camera import Camera
 from ..render import RenderedView, Renderer, RenderSettings

@@ -15,7 +15,7 @@ from typing import Any
 
 import cv2
 
-from ..camera_files import camera_from_dict
+from ..cameras.files import camera_from_dict
 from ..errors import GssmcError
 from ..pose.settings import RefineSettings
 from ..processes.child import pipes

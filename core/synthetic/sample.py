@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera_files import camera_to_dict
+from ..cameras.files import camera_to_dict
 from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
 from ..geometry.lie import so3_exp
 from ..lens import render_through_lens

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from core.camera_files import camera_from_dict, camera_to_dict, read_cameras, write_cameras
+from core.cameras.files import camera_from_dict, camera_to_dict, read_cameras, write_cameras
 from core.errors import CameraError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.geometry.lie import so3_exp

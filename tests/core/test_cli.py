@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cli_place import FAST, SIZE, Place
 
-from core.camera_files import camera_from_dict
+from core.cameras.files import camera_from_dict
 from core.cli import build_parser, main
 from core.commands.flags import settings_from
 from core.commands.render import output_names

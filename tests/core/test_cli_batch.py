@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from cli_place import FAST, Place, hurt_readers
 
-from core.camera_files import camera_from_dict
+from core.cameras.files import camera_from_dict
 from core.cli import main
 from core.commands.store import ResultStore, job_key
 from core.geometry.camera import pose_error

@@ -8,10 +8,10 @@ import pytest
 from cli_place import FAST, Place
 from dataset_files import CAMBRIDGE_TITLE, LINE, put
 
-from core import datasets
+from core import cameras as datasets
+from core.cameras import pose_list
 from core.cli import build_parser, main
 from core.commands.flags import settings_from
-from core.datasets import pose_list
 from core.geometry.camera import Intrinsics, Pose, pose_error
 from core.geometry.quaternion import quaternion_from_rotation
 from core.pose.settings import RefineSettings

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from dataset_files import CAMBRIDGE_LINE, CAMBRIDGE_TITLE, CENTRE, LINE, OPENGL, R, cambridge, put, seven_scenes
 
-from core.camera_files import write_cameras
+from core.cameras import colmap, pose_list
+from core.cameras.files import write_cameras
 from core.cli import main
-from core.datasets import colmap, pose_list
 from core.geometry.camera import Camera, Intrinsics, Pose
 
 PUBLISHED = Path(__file__).parents[2].parent / "shared" / "eval"

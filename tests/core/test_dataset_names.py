@@ -2,7 +2,7 @@
 
 import pytest
 
-from core.datasets.names import match_names, name_key
+from core.cameras.names import match_names, name_key
 from core.errors import DatasetError
 
 

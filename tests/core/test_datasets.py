@@ -22,9 +22,9 @@ from dataset_files import (
     seven_scenes,
 )
 
-from core import datasets
-from core.camera_files import write_cameras
-from core.datasets import colmap, nerfstudio, pose_list
+from core import cameras as datasets
+from core.cameras import colmap, nerfstudio, pose_list
+from core.cameras.files import write_cameras
 from core.errors import DatasetError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.geometry.lie import so3_exp

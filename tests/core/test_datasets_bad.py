@@ -16,8 +16,8 @@ from dataset_files import (
     seven_scenes,
 )
 
-from core import datasets
-from core.datasets.text import MAX_LINE_BYTES
+from core import cameras as datasets
+from core.cameras.text import MAX_LINE_BYTES
 from core.errors import CameraError, DatasetError, GssmcError
 
 TEXTS = {

@@ -17,8 +17,8 @@ from dataset_files import (
     seven_scenes,
 )
 
-from core import datasets
-from core.camera_files import camera_to_dict
+from core import cameras as datasets
+from core.cameras.files import camera_to_dict
 from core.errors import GssmcError
 from core.geometry.camera import Camera, Intrinsics
 

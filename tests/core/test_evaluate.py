@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.datasets import PosedFrame, PoseSet
+from core.cameras import PosedFrame, PoseSet
+from core.cameras.evaluate import STYLES, average, pose_errors, rounded, score, table
 from core.errors import DatasetError
-from core.evaluate import STYLES, average, pose_errors, rounded, score, table
 from core.geometry.camera import Pose
 from core.geometry.lie import so3_exp
 

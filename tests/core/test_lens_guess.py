@@ -7,7 +7,7 @@ import pytest
 from cli_place import FAST, Place
 from photo_files import SHORT, encoded, exif, picture, tiff
 
-from core.camera_files import camera_from_dict, camera_to_dict, read_cameras, read_starts
+from core.cameras.files import camera_from_dict, camera_to_dict, read_cameras, read_starts
 from core.cli import main
 from core.errors import CameraError, PhotoError
 from core.geometry.camera import Camera, Intrinsics, Pose

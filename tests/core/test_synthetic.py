@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.camera_files import read_cameras
+from core.cameras.files import read_cameras
 from core.cli import main
 from core.geometry.camera import pose_error
 from core.pictures import before_after, chessboard

@@ -50,7 +50,7 @@ def read_to_end(extension, path, photos):
 @pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
 def test_cameras_go_in_and_come_out(bpy, extension, scene, cameras, tmp_path, kind):
     """In by the engine's writers, out by the operator, read by the engine's readers; and once more in."""
-    files = extension("core.camera_files")
+    files = extension("core.cameras.files")
     files.write_cameras(tmp_path / "in.json", cameras)
     assert bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "in.json")) == {"FINISHED"}
     assert (scene.render.resolution_x, scene.render.resolution_y) == (1920, 1080)
@@ -68,7 +68,7 @@ def test_cameras_of_nerfstudio_follow_its_splat_and_go_back(bpy, extension, scen
     turn, shift, scale = extension("core.geometry.lie").so3_exp(np.array([0.3, -1.0, 0.5])), np.array([1.0, 2.0, -3.0]), 0.4
     world = tmp_path / "dataparser_transforms.json"
     world.write_text(json.dumps({"transform": np.column_stack([turn, shift]).tolist(), "scale": scale}))
-    extension("core.datasets.nerfstudio").write_transforms(tmp_path / "transforms.json", cameras)
+    extension("core.cameras.nerfstudio").write_transforms(tmp_path / "transforms.json", cameras)
     bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "transforms.json"), world=str(world))
     inside = extension("gssmc_addon.camera_bridge").read_camera(scene, scene.camera, scene.gssmc.splat)
     np.testing.assert_allclose(inside.pose.centre, scale * (turn @ cameras[0].pose.centre + shift), atol=1e-4)
@@ -133,7 +133,7 @@ def importing(extension, scene, cameras, tmp_path, monkeypatch):
     """An import that has made one of two cameras, driven by hand as the timer of the window does it."""
     module = extension("gssmc_addon.camera_import_job")
     monkeypatch.setattr(module, "SLICE_S", -1.0)  # one camera a tick
-    extension("core.camera_files").write_cameras(tmp_path / "in.json", cameras)
+    extension("core.cameras.files").write_cameras(tmp_path / "in.json", cameras)
     job = module.CameraImport(scene, tmp_path / "in.json", None, False)
     job.start()
     while job.made == 0:

@@ -7,7 +7,7 @@ import pytest
 import rooms
 from samples import counts
 
-from core.camera_files import camera_to_dict
+from core.cameras.files import camera_to_dict
 from core.synthetic import sample_cameras
 
 STYLES = ("SIDE_BY_SIDE", "DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER", "FLICKER", "MATCHES")

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from core.camera_files import read_cameras
+from core.cameras.files import read_cameras
 from core.synthetic import write_sample
 
 

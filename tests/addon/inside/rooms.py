@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import cv2
 
-from core.camera_files import camera_to_dict
+from core.cameras.files import camera_to_dict
 from core.render import Renderer, RenderSettings
 from core.splats.ply.reader import write_ply
 from core.synthetic import make_photo, make_scene, perturb_camera, sample_cameras

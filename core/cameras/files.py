@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .errors import CameraError
-from .geometry.camera import Camera, Intrinsics, Pose
-from .support.atomic import atomic_write
+from ..errors import CameraError
+from ..geometry.camera import Camera, Intrinsics, Pose
+from ..support.atomic import atomic_write
 
 T = TypeVar("T")
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")

@@ -14,9 +14,9 @@ from decimal import ROUND_HALF_UP, Decimal
 
 import numpy as np
 
-from .datasets import PoseSet, match_names, short
-from .errors import DatasetError
-from .geometry.camera import FloatArray, pose_error
+from ..errors import DatasetError
+from ..geometry.camera import FloatArray, pose_error
+from . import PoseSet, match_names, short
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..camera_files import Start, read_starts
 from ..errors import DatasetError
 from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
+from .files import Start, read_starts
 from .names import match_names
 from .types import PosedFrame, PoseSet, Query, Split, short
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera_files import load_json
 from ..errors import CameraError, DatasetError
 from ..geometry.conventions import Similarity
+from .files import load_json
 
 FILE = "dataparser_transforms.json"
 

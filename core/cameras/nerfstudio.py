@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..camera_files import load_json
 from ..errors import CameraError, DatasetError
 from ..geometry.camera import Camera, Intrinsics, Pose
 from ..geometry.conventions import pose_from_opengl, pose_to_opengl
 from ..support.atomic import atomic_write
+from .files import load_json
 from .text import head
 from .types import PosedFrame, PoseSet, Split, pose_set
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..camera_files import load_json, start_from_dict
 from ..errors import DatasetError
+from .files import load_json, start_from_dict
 from .text import head
 from .types import PosedFrame, PoseSet, Split, pose_set
 
