@@ -12,11 +12,11 @@ from typing import Any
 
 import bpy
 
-from ..core import memory
 from ..core.errors import RefineError
 from ..core.features.frontend import check_choice
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
+from ..core.render import memory
 from . import camera_bridge, camera_channels, mask_source, plate_source, preferences, problem, properties, splat_object
 from .job import TICK_S, Job, redraw
 from .splat_copy import SplatCopying

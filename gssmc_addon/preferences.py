@@ -8,8 +8,8 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
-from ..core.memory import machine_bytes
 from ..core.models import KNOWN, KnownModel, find_model, recognise
+from ..core.render.memory import machine_bytes
 from . import log_file
 from .texts import iface_, n_
 

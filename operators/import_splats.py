@@ -7,8 +7,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from ..core import memory
 from ..core.errors import GssmcError
+from ..core.render import memory
 from ..gssmc_addon import panels, preferences, splat_display, splat_import, splat_object, viewport_props
 from ..gssmc_addon.operator_parts import PlainOperator
 from ..gssmc_addon.splat_import_job import ImportJob

@@ -1,6 +1,6 @@
 """CPU rasteriser for 3D Gaussian scenes, with exact INRIA semantics."""
 
-from .process_renderer import ProcessRenderer
+from .processes import ProcessRenderer
 from .reference import render_reference
 from .renderer import Renderer
 from .view import RenderedView, RenderSettings

@@ -2,7 +2,7 @@
 
 import pytest
 
-from core.memory import MemoryLimitError, check, import_bytes, machine_bytes, refine_bytes
+from core.render.memory import MemoryLimitError, check, import_bytes, machine_bytes, refine_bytes
 
 PIXELS = 640 * 480
 

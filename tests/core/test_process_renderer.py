@@ -18,7 +18,8 @@ from core.errors import Cancelled
 from core.geometry.camera import Intrinsics, Pose
 from core.geometry.lie import se3_exp
 from core.processes.child import Child
-from core.render import ProcessRenderer, RenderedView, Renderer, RenderSettings, process_renderer
+from core.render import ProcessRenderer, RenderedView, Renderer, RenderSettings
+from core.render import processes as process_renderer
 from core.splats.scene import GaussianScene
 
 from .render_scenes import cloud, make_scene

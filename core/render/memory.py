@@ -10,8 +10,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from .errors import GssmcError
-from .render.process_renderer import MAX_PROCESSES
+from ..errors import GssmcError
+from .processes import MAX_PROCESSES
 
 BASE_BYTES = 450_000_000  # numpy, OpenCV, SciPy, the features of all views
 FLOATS_WITHOUT_SH = 11  # mean, scale, rotation, opacity
