@@ -7,8 +7,8 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
+from ..core.features.nets.models import KNOWN, KnownModel, find_model, recognise
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
-from ..core.models import KNOWN, KnownModel, find_model, recognise
 from ..core.render.memory import machine_bytes
 from . import log_file
 from .texts import iface_, n_

@@ -6,9 +6,9 @@ from functools import partial
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ..core.download import download
 from ..core.errors import FeatureError, GssmcError
-from ..core.models import KNOWN, address
+from ..core.features.nets.download import download
+from ..core.features.nets.models import KNOWN, address
 from ..gssmc_addon import preferences
 from ..gssmc_addon.operator_parts import PlainOperator
 from ..gssmc_addon.texts import iface_, rpt_

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..console import say
+from ..features.nets.models import KNOWN, recognise
 from ..features.registry import AUTO, EXTRACTORS, MATCHERS, ExtractorKind, MatcherKind, missing
-from ..models import KNOWN, recognise
 from .outcome import OK, Outcome
 
 AUTO_TEXT = "SIFT; with a model of ALIKED (--model), that takes over where SIFT finds no answer"

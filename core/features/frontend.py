@@ -9,11 +9,11 @@ from types import TracebackType
 from typing import Protocol, TypeVar
 
 from ..errors import FeatureError
+from .extractors.sift import RootSift
 from .looks import Looks
-from .nearest import MutualNearest
-from .net_process import NetProcess, Nets, RemoteExtractor, RemoteMatcher
+from .matchers.nearest import MutualNearest
+from .nets.process import NetProcess, Nets, RemoteExtractor, RemoteMatcher
 from .registry import AUTO, EXTRACTORS, MATCHERS, ExtractorKind, MatcherKind, missing
-from .sift import RootSift
 from .subpixel import SubpixelAligner
 from .types import Extractor, Features, Grey, Mask, Matcher
 

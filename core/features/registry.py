@@ -8,14 +8,14 @@ from pathlib import Path
 
 import cv2
 
-from .akaze import Akaze
-from .aliked import Aliked
-from .disk import Disk
-from .lightglue import LightGlue
-from .nearest import MutualNearest
-from .orb import Orb
-from .sift import RootSift
-from .superpoint import SuperPoint
+from .extractors.akaze import Akaze
+from .extractors.aliked import Aliked
+from .extractors.disk import Disk
+from .extractors.orb import Orb
+from .extractors.sift import RootSift
+from .extractors.superpoint import SuperPoint
+from .matchers.lightglue import LightGlue
+from .matchers.nearest import MutualNearest
 from .types import Extractor, Matcher
 
 AUTO = "auto"  # no extractor of its own: a rule for which one to use, see frontend

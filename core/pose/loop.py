@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..features.frontend import Frontend
-from ..features.nearest import MutualNearest
+from ..features.matchers.nearest import MutualNearest
 from ..geometry.camera import Intrinsics, Pose, pose_error
 from ..render.view import ViewRenderer, alone
 from .epipolar import EpipolarFit, measure_epipolar

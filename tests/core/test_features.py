@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.errors import FeatureError
-from core.features.nearest import MutualNearest
+from core.features.matchers.nearest import MutualNearest
 from core.features.registry import EXTRACTORS
 from core.features.types import Features
 

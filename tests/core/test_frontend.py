@@ -13,10 +13,10 @@ from test_refine import DEPTH, LENS, TRUTH, _start
 import core.pose.refine as refine_module
 from core.errors import FeatureError
 from core.features import registry
+from core.features.extractors.sift import RootSift
 from core.features.frontend import Frontend, check_choice, make_frontend
 from core.features.looks import Looks
-from core.features.net_process import RemoteExtractor, RemoteMatcher
-from core.features.sift import RootSift
+from core.features.nets.process import RemoteExtractor, RemoteMatcher
 from core.features.types import no_features
 from core.geometry.camera import Camera, pose_error
 from core.pose.refine import iterate_refinement, refine

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core import models
-from core.download import DownloadError, download
 from core.errors import FeatureError
-from core.models import KNOWN, KnownModel, address, find_model, recognise
+from core.features.nets import models
+from core.features.nets.download import DownloadError, download
+from core.features.nets.models import KNOWN, KnownModel, address, find_model, recognise
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "models"
 DATA = np.random.default_rng(0).integers(0, 256, 400_000, np.uint8).tobytes()

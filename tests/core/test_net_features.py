@@ -9,11 +9,11 @@ from onnx_files import FLOAT, INT64, image_net, node, write_onnx
 from test_features import picture
 
 from core.errors import FeatureError
-from core.features.aliked import Aliked
-from core.features.disk import Disk
-from core.features.lightglue import LightGlue
-from core.features.nearest import MutualNearest
-from core.features.superpoint import SuperPoint
+from core.features.extractors.aliked import Aliked
+from core.features.extractors.disk import Disk
+from core.features.extractors.superpoint import SuperPoint
+from core.features.matchers.lightglue import LightGlue
+from core.features.matchers.nearest import MutualNearest
 from core.features.types import Features
 
 MODELS = Path(__file__).resolve().parents[3] / "shared" / "models"

@@ -16,12 +16,12 @@ from onnx_files import FLOAT, INT64, image_net, node, write_onnx
 from test_net_features import GREY, glue, pair, rows
 
 from core.errors import FeatureError
-from core.features.aliked import Aliked
-from core.features.lightglue import LightGlue
-from core.features.net_process import NetProcess, Nets, RemoteExtractor, RemoteMatcher
-from core.features.superpoint import SuperPoint
+from core.features.extractors.aliked import Aliked
+from core.features.extractors.superpoint import SuperPoint
+from core.features.matchers.lightglue import LightGlue
+from core.features.nets.messages import unpack_features, unpack_matches
+from core.features.nets.process import NetProcess, Nets, RemoteExtractor, RemoteMatcher
 from core.features.types import Features
-from core.features.wire import unpack_features, unpack_matches
 from core.processes.child import Child
 from core.processes.wire import WireError, receive, send
 
@@ -86,7 +86,7 @@ def hurt(tmp_path, monkeypatch, body):
     code = f"""
     import os, sys, time
     if any("net_worker" in a for a in sys.orig_argv):
-        import core.features.aliked as module
+        import core.features.extractors.aliked as module
         def extract(self, grey, mask=None):
             {body}
         module.Aliked.extract = extract
@@ -239,7 +239,7 @@ def test_a_parent_that_is_killed_leaves_no_child(tmp_path, monkeypatch):
     hurt(tmp_path, monkeypatch, f"open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(600)")
     code = f"""
     import numpy as np
-    from core.features.net_process import NetProcess, Nets, RemoteExtractor
+    from core.features.nets.process import NetProcess, Nets, RemoteExtractor
     process = NetProcess(Nets("aliked", {str(aliked_net(tmp_path / "a.onnx"))!r}))
     RemoteExtractor(process, "a").extract(np.zeros((64, 64), np.uint8))
     """

@@ -10,7 +10,7 @@ from cli_place import FAST, Place
 
 from core.cli import main
 from core.errors import PhotoError
-from core.features.sift import RootSift
+from core.features.extractors.sift import RootSift
 from core.photos.mask import find_mask, masked
 from core.photos.photo import Photo, read_photo
 from core.pose.observe import Frontend, make_query

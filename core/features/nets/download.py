@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from .errors import GssmcError
+from ...errors import GssmcError
 from .models import KnownModel, sha256_of
 
 CHUNK_BYTES = 1 << 16

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .types import Grey
+from ..types import Grey
 
 
 def pad_to_multiple(grey: Grey, step: int) -> Grey:

@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .net_input import inside, pad_to_multiple, unit_rows
+from ..nets.input import inside, pad_to_multiple, unit_rows
+from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
-from .types import Features, Grey, Mask, no_features
 
 STEP_PX = 32  # the network's own halving; OpenCV returns wrong values for other sides, without an error
 MIN_SCORE = 0.02  # rows that are no local maximum fill the fixed number of outputs with scores near 0

@@ -17,12 +17,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..errors import FeatureError
-from ..processes.child import pipes
-from ..processes.wire import Arrays, Header, WireError, receive, send
-from .registry import EXTRACTORS, MATCHERS
-from .types import Extractor, Matcher
-from .wire import pack_features, unpack_features
+from ...errors import FeatureError
+from ...processes.child import pipes
+from ...processes.wire import Arrays, Header, WireError, receive, send
+from ..registry import EXTRACTORS, MATCHERS
+from ..types import Extractor, Matcher
+from .messages import pack_features, unpack_features
 
 Message = tuple[Header, Arrays]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FeatureError
-from .types import Features, Matches, no_matches
+from ...errors import FeatureError
+from ..types import Features, Matches, no_matches
 
 
 @dataclass(frozen=True)

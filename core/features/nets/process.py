@@ -10,11 +10,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ..errors import FeatureError
-from ..processes.child import Child
-from ..processes.wire import Arrays, Header, WireError, receive, send
-from .types import Features, Grey, Mask, Matches, no_features, no_matches
-from .wire import pack_features, unpack_features, unpack_matches
+from ...errors import FeatureError
+from ...processes.child import Child
+from ...processes.wire import Arrays, Header, WireError, receive, send
+from ..types import Features, Grey, Mask, Matches, no_features, no_matches
+from .messages import pack_features, unpack_features, unpack_matches
 
 log = logging.getLogger(__name__)
 

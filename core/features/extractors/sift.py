@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
-from .types import Features, Grey, Mask, no_features
 
 DESCRIPTOR_SIZE = 128
 MIN_SIDE_PX = 16  # SIFT's pyramid has nothing to find in less

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..processes.wire import Arrays, Header, WireError
-from .types import Features, Matches
+from ...processes.wire import Arrays, Header, WireError
+from ..types import Features, Matches
 
 
 def pack_features(features: Features) -> tuple[Header, Arrays]:

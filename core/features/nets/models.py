@@ -10,7 +10,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from .errors import FeatureError
+from ...errors import FeatureError
 
 CHUNK_BYTES = 1 << 20
 

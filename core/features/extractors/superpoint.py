@@ -10,9 +10,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ..errors import FeatureError
-from .net_input import inside, pad_to_multiple, unit_rows
-from .types import Features, Grey, Mask, no_features
+from ...errors import FeatureError
+from ..nets.input import inside, pad_to_multiple, unit_rows
+from ..types import Features, Grey, Mask, no_features
 
 STEP_PX = 8
 OUTPUTS = ("keypoints", "scores", "descriptors")

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FeatureError
-from .types import Features, Matches, no_matches
+from ...errors import FeatureError
+from ..types import Features, Matches, no_matches
 
 MIN_FEATURES = 2
 

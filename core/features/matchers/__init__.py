@@ -1,0 +1,1 @@
+"""One file for each way to match the features of two images."""
