@@ -36,7 +36,7 @@ from core.photos.photo import Photo, read_photo
 from core.pose.refine import refine
 from core.pose.report import PoseQuality
 from core.pose.settings import RefineSettings
-from core.pose.verdict import judge
+from core.pose.verdict.verdict import judge
 from core.render import Renderer, RenderSettings
 
 RIGHT = (1.0, 1.0)  # per cent of the median depth, degrees

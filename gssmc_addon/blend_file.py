@@ -14,7 +14,7 @@ from ..core.errors import GssmcError
 from ..core.geometry.camera import Camera
 from ..core.geometry.conventions import Orientation
 from ..core.photos.photo import read_photo
-from ..core.results import report_to_dict
+from ..core.pose.report_json import report_to_dict
 from ..core.splats import read_splats
 from . import camera_bridge, photo_camera, photo_image, properties, splat_import
 
@@ -49,7 +49,7 @@ def _make_photos_relative(folder: Path) -> None:
 
 
 def _verdicts(outcome: Outcome, results: Path | None) -> list[dict[str, Any]]:
-    """What was said of each camera, as core.results writes it; empty for cameras that were only drawn."""
+    """What was said of each camera, as core.pose.report_json writes it; empty for cameras that were only drawn."""
     if outcome.reports:
         return [report_to_dict(report) for report in outcome.reports]
     if outcome.photos and results:

@@ -21,8 +21,8 @@ from bpy.props import (
 )
 
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ..core.pose.presets import PRESETS
 from ..core.pose.settings import RefineSettings, choices
-from ..core.presets import PRESETS
 from . import mask_source, photo_entry, photo_image, preferences, preview_state, splat_object
 from .texts import iface_
 

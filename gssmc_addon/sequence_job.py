@@ -9,12 +9,12 @@ from statistics import median
 
 import bpy
 
-from ..core import sequence
 from ..core.errors import PhotoError, RefineError
 from ..core.geometry.camera import Camera
+from ..core.pose import sequence
 from ..core.pose.report import RefineProgress, RefineReport
+from ..core.pose.sequence import FramePose
 from ..core.pose.settings import RefineSettings
-from ..core.sequence import FramePose
 from . import camera_bridge, jobs, mask_source, plate_source
 from .job import QueueJob
 from .splat_copy import SplatCopying

@@ -17,10 +17,10 @@ from ..console import note, say
 from ..errors import SplatFormatError
 from ..geometry.camera import Camera
 from ..photos.mask import find_mask
+from ..pose.presets import PRESETS
+from ..pose.report_json import error_to_dict
 from ..pose.settings import RefineSettings
-from ..presets import PRESETS
 from ..processes.pool import Pool
-from ..results import error_to_dict
 from ..splats import check_splat_file
 from .flags import MASK_HELP, SCENE_HELP, UsageError, add_settings_flags, settings_from
 from .outcome import FAILED_VERDICT, OK, Outcome

@@ -13,8 +13,8 @@ from ..geometry.camera import Camera, pose_error
 from ..photos.photo import read_photo
 from ..pictures import before_after, save_png
 from ..pose.report import RefineReport
+from ..pose.report_json import report_to_dict
 from ..render import ProcessRenderer, RenderSettings
-from ..results import report_to_dict
 from ..splats import read_splats
 from ..synthetic import SampleFiles, write_sample
 from .flags import add_settings_flags, settings_from

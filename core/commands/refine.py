@@ -15,8 +15,8 @@ from ..photos.lens_guess import guess_lens
 from ..photos.mask import find_mask, masked
 from ..photos.photo import Photo, read_photo
 from ..pose.report import RefineReport
+from ..pose.report_json import report_to_dict
 from ..render import ProcessRenderer, RenderSettings
-from ..results import report_to_dict
 from ..splats import read_splats
 from ..support.atomic import atomic_write
 from .flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from

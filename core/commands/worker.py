@@ -17,10 +17,10 @@ import cv2
 
 from ..cameras.files import camera_from_dict
 from ..errors import GssmcError
+from ..pose.report_json import error_to_dict, report_to_dict
 from ..pose.settings import RefineSettings
 from ..processes.child import pipes
 from ..render import Renderer, RenderSettings
-from ..results import error_to_dict, report_to_dict
 from ..splats import read_splats
 from .refine_one import refine_photo
 

@@ -7,7 +7,7 @@ from ..features.frontend import make_frontend
 from ..geometry.camera import Camera, FloatArray, Intrinsics
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
-from .observe import make_query, observe
+from .search.observe import make_query, observe
 from .settings import RefineSettings
 
 

@@ -14,16 +14,16 @@ from ..features.frontend import Frontend, make_frontend
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
-from .final import final_stage
-from .lens import LensCamera, LensMode
-from .loop import LOOP_SHARE, Answer, Loop
-from .observe import Query, make_query
+from .final.solution import Solution, from_epipolar
+from .final.stage import final_stage
 from .report import IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
+from .search.loop import LOOP_SHARE, Answer, Loop
+from .search.observe import Query, make_query
 from .settings import RefineSettings
-from .solution import Solution, from_epipolar
-from .verdict import assess, judge
-from .verify import FinalView, view_at
-from .working import WorkingPhoto
+from .shared.lens import LensCamera, LensMode
+from .shared.working import WorkingPhoto
+from .verdict.verdict import assess, judge
+from .verdict.verify import FinalView, view_at
 
 log = logging.getLogger(__name__)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from core.geometry.camera import Intrinsics, Pose
 from core.geometry.lie import so3_exp
-from core.pose.matches import ViewMatches
+from core.pose.shared.matches import ViewMatches
 
 CAMERA = Intrinsics(640, 480, 520.0, 515.0, 322.0, 238.0)
 

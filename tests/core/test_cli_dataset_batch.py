@@ -14,8 +14,8 @@ from core.cli import build_parser, main
 from core.commands.flags import settings_from
 from core.geometry.camera import Intrinsics, Pose, pose_error
 from core.geometry.quaternion import quaternion_from_rotation
+from core.pose.presets import PRESETS
 from core.pose.settings import RefineSettings
-from core.presets import PRESETS
 from core.render import Renderer, RenderSettings
 from core.splats import read_splats
 from core.synthetic import make_photo

@@ -6,8 +6,8 @@ from geometry import fan, random_pose
 
 from core.geometry.camera import pose_error
 from core.geometry.lie import so3_exp
-from core.pose.consistency import consensus_pose
-from core.pose.two_view import TwoViewPose
+from core.pose.search.consistency import consensus_pose
+from core.pose.search.two_view import TwoViewPose
 
 
 def _relative(truth, view, rng=None, turn_deg=0.0, tilt_deg=0.0):

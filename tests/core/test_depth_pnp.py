@@ -8,7 +8,7 @@ from geometry import CAMERA, fan, make_matches, random_pose, world
 
 from core.geometry.camera import pose_error
 from core.geometry.lie import se3_exp
-from core.pose.depth_pnp import FOCAL_SCALES, _jacobian, _reproject, lifted, pnp_pose
+from core.pose.search.depth_pnp import FOCAL_SCALES, _jacobian, _reproject, lifted, pnp_pose
 
 FOCAL = CAMERA.focal
 

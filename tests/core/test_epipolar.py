@@ -7,8 +7,8 @@ from geometry import CAMERA, fan, make_matches, random_pose, world
 
 from core.geometry.camera import pose_error
 from core.geometry.lie import hat, se3_exp
-from core.pose.epipolar import epipolar_residuals, huber, measure_epipolar, refine_epipolar
-from core.pose.solve import fine_pose
+from core.pose.search.epipolar import epipolar_residuals, huber, measure_epipolar, refine_epipolar
+from core.pose.search.solve import fine_pose
 
 K = CAMERA.matrix
 

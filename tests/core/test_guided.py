@@ -9,9 +9,9 @@ from boxroom import BoxRoom
 from core.geometry.camera import Intrinsics, Pose
 from core.geometry.lie import so3_exp
 from core.photos.photo import Photo
-from core.pose.guided import follow, match_corners, pick_corners, sample
-from core.pose.matches import bearings
-from core.pose.working import WorkingPhoto
+from core.pose.final.guided import follow, match_corners, pick_corners, sample
+from core.pose.shared.matches import bearings
+from core.pose.shared.working import WorkingPhoto
 
 LENS = Intrinsics(320, 240, 260.0, 258.0, 163.0, 118.0, (-0.08, 0.02, 0.001, -0.0005, 0.0))
 TRUTH = Pose.from_centre(so3_exp([0.05, 0.2, 0.02]), [-0.4, 0.1, -2.6])

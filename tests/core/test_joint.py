@@ -8,11 +8,11 @@ from geometry import CAMERA, fan, make_matches, random_pose, world
 
 from core.geometry.camera import pose_error
 from core.geometry.lie import se3_exp
-from core.pose.final import choose
-from core.pose.joint import CELL_CORRELATION, CELLS, SCALE, STAGES, JointProblem, _equations, density_weights, fit_joint
-from core.pose.lens import FREE, PRIOR_STD, LensCamera, lens_difference
-from core.pose.matches import world_points
-from core.pose.reprojection import reproject
+from core.pose.final.joint import CELL_CORRELATION, CELLS, SCALE, STAGES, JointProblem, _equations, density_weights, fit_joint
+from core.pose.final.reprojection import reproject
+from core.pose.final.stage import choose
+from core.pose.shared.lens import FREE, PRIOR_STD, LensCamera, lens_difference
+from core.pose.shared.matches import world_points
 
 
 def _views(seed, noise=0.0, outliers=0.0, count=6):

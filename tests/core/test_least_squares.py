@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.pose.least_squares import NormalEquations, levenberg_marquardt
+from core.pose.shared.least_squares import NormalEquations, levenberg_marquardt
 
 
 class Valley:

@@ -13,7 +13,7 @@ from core.errors import PhotoError
 from core.features.extractors.sift import RootSift
 from core.photos.mask import find_mask, masked
 from core.photos.photo import Photo, read_photo
-from core.pose.observe import Frontend, make_query
+from core.pose.search.observe import Frontend, make_query
 from core.synthetic import sample_cameras
 
 

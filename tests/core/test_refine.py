@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from boxroom import BoxRoom
 
-import core.pose.loop as loop_module
+import core.pose.search.loop as loop_module
 from core.errors import RefineError
 from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
 from core.geometry.lie import so3_exp

@@ -8,9 +8,9 @@ import pytest
 from geometry import CAMERA, make_matches, random_pose, world
 
 from core.geometry.lie import hat, se3_exp
-from core.pose.lens import LensCamera, lens_difference, moved_lens
-from core.pose.matches import world_points
-from core.pose.reprojection import MIN_SIGMA_PX, Lifted, apply, reproject, robust_across_px, whitening
+from core.pose.final.reprojection import MIN_SIGMA_PX, Lifted, apply, reproject, robust_across_px, whitening
+from core.pose.shared.lens import LensCamera, lens_difference, moved_lens
+from core.pose.shared.matches import world_points
 
 LENS = replace(CAMERA, dist=(-0.12, 0.05, 0.001, -0.002, 0.01))
 

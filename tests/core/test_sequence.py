@@ -8,7 +8,7 @@ import pytest
 from core.errors import RefineError
 from core.geometry.camera import Pose, pose_error
 from core.geometry.lie import so3_exp
-from core.sequence import FramePose, interpolate, keyframes, nearest, outward, smooth, stray_frames
+from core.pose.sequence import FramePose, interpolate, keyframes, nearest, outward, smooth, stray_frames
 
 DEPTH = 3.0
 

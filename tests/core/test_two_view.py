@@ -5,8 +5,8 @@ import pytest
 from geometry import CAMERA, fan, make_matches, random_pose, world
 
 from core.geometry.camera import Pose, rotation_angle_deg
-from core.pose.matches import ViewMatches
-from core.pose.two_view import in_front, two_view_pose
+from core.pose.search.two_view import in_front, two_view_pose
+from core.pose.shared.matches import ViewMatches
 
 THRESHOLD = 1.0 / CAMERA.focal
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from core.pose.working import STRETCHED, TAILS, exposed
+from core.pose.shared.working import STRETCHED, TAILS, exposed
 
 SIZE = (160, 120)
 

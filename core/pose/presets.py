@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .pose.settings import RefineSettings
+from .settings import RefineSettings
 
 PRESETS: dict[str, RefineSettings] = {
     "7scenes": RefineSettings(iterations=6, candidates=6, perturb_translation_units=0.04, perturb_rotation_deg=0.01),

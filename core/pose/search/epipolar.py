@@ -13,10 +13,10 @@ from functools import partial
 
 import numpy as np
 
-from ..geometry.camera import FloatArray, Pose
-from ..geometry.lie import hat, se3_exp
-from .least_squares import NormalEquations, levenberg_marquardt
-from .matches import ViewMatches, bearings
+from ...geometry.camera import FloatArray, Pose
+from ...geometry.lie import hat, se3_exp
+from ..shared.least_squares import NormalEquations, levenberg_marquardt
+from ..shared.matches import ViewMatches, bearings
 
 MIN_SIGMA_PX = 0.15  # a view's residuals cannot be trusted to be quieter than keypoints are
 MIN_LINE_NORM = 1e-9  # a view at the very pose of the photo has no lines; this keeps its zeros finite

@@ -14,13 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..features.subpixel import SubpixelAligner, normalise_locally
-from ..geometry.camera import FloatArray, Pose
-from ..render.view import RenderedView, ViewRenderer
-from .matches import BoolArray, ViewMatches, bearings
-from .observe import MIN_ALPHA, MIN_DEPTH_STD_RATIO, grey_of
-from .solve import gate
-from .working import WorkingPhoto
+from ...features.subpixel import SubpixelAligner, normalise_locally
+from ...geometry.camera import FloatArray, Pose
+from ...render.view import RenderedView, ViewRenderer
+from ..search.observe import MIN_ALPHA, MIN_DEPTH_STD_RATIO, grey_of
+from ..search.solve import gate
+from ..shared.matches import BoolArray, ViewMatches, bearings
+from ..shared.working import WorkingPhoto
 
 MAX_CORNERS = 1500
 CORNER_QUALITY = 0.005

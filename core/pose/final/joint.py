@@ -10,10 +10,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.camera import FloatArray, Intrinsics
-from .least_squares import NormalEquations, levenberg_marquardt
-from .lens import FREE, PRIOR_STD, LensCamera, LensMode, lens_difference
-from .matches import ViewMatches, bearings
+from ...geometry.camera import FloatArray, Intrinsics
+from ..shared.least_squares import NormalEquations, levenberg_marquardt
+from ..shared.lens import FREE, PRIOR_STD, LensCamera, LensMode, lens_difference
+from ..shared.matches import ViewMatches, bearings
 from .reprojection import Lifted, apply, reproject, robust_across_px, whitening
 
 Stage = Literal["joint", "epipolar", "depth"]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.camera import FloatArray, Intrinsics, pose_error
-from .epipolar import EpipolarFit, refine_epipolar
+from ...geometry.camera import FloatArray, Intrinsics, pose_error
+from ..search.epipolar import EpipolarFit, refine_epipolar
+from ..shared.lens import LensCamera, LensMode
+from ..shared.matches import ViewMatches
 from .joint import JointFit, Stage
-from .lens import LensCamera, LensMode
-from .matches import ViewMatches
 
 SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
 # The fit's covariance knows the noise of the matches, not where the splat itself is off, which all views share: on two scans

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..geometry.camera import FloatArray
+from ...geometry.camera import FloatArray
 
 MAX_STEPS = 30
 MIN_GAIN = 1e-7  # relative fall of the cost, had or at best to be had, under which the search has ended

@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..features.frontend import Frontend
-from ..features.matchers.nearest import MutualNearest
-from ..geometry.camera import Intrinsics, Pose, pose_error
-from ..render.view import ViewRenderer, alone
+from ...features.frontend import Frontend
+from ...features.matchers.nearest import MutualNearest
+from ...geometry.camera import Intrinsics, Pose, pose_error
+from ...render.view import ViewRenderer, alone
+from ..final.stage import view_pool
+from ..report import IterationRecord, RefineProgress
+from ..settings import RefineSettings
+from ..shared.lens import LensMode
+from ..shared.matches import ViewMatches
+from ..verdict.verify import compare
 from .epipolar import EpipolarFit, measure_epipolar
-from .final import view_pool
 from .focal import refocus
 from .hypotheses import GAUSSIAN_LENGTH, candidate_poses
-from .lens import LensMode
-from .matches import ViewMatches
 from .observe import Observation, Query, observe
-from .report import IterationRecord, RefineProgress
-from .settings import RefineSettings
 from .solve import UsableView, coarse_pose, fine_matches, fine_pose, keep_distance, usable_views
-from .verify import compare
 
 MIN_OPAQUE = 0.02  # a reference view with less of the scan in it looks away from it
 LOOKS_AWAY = "The start camera sees almost nothing of the splat; turn it towards the scene and refine again."

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..features.frontend import Frontend
-from ..geometry.camera import FloatArray, Pose
+from ...features.frontend import Frontend
+from ...geometry.camera import FloatArray, Pose
+from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 from .consistency import consensus_pose
 from .depth_pnp import pnp_pose
 from .epipolar import EpipolarFit, epipolar_distances, measure_epipolar, refine_epipolar
-from .matches import BoolArray, ViewMatches, bearings, world_points
 from .observe import Observation, Query, align_matches
 from .two_view import TwoViewPose, two_view_pose
 

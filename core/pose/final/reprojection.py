@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry.camera import FloatArray
-from .lens import LensCamera
-from .matches import BoolArray, ViewMatches, bearings, world_points
+from ...geometry.camera import FloatArray
+from ..shared.lens import LensCamera
+from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 
 MIN_SIGMA_PX = 0.15  # no match is known better than a keypoint is
 MIN_DEPTH = 1e-12

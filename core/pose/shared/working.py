@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..features.subpixel import normalise_locally
-from ..geometry.camera import Intrinsics
-from ..photos.photo import Photo
+from ...features.subpixel import normalise_locally
+from ...geometry.camera import Intrinsics
+from ...photos.photo import Photo
 from .matches import BoolArray
 
 GreyImage = NDArray[np.uint8]

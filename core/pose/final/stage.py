@@ -10,17 +10,17 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ..geometry.camera import Intrinsics, Pose, pose_error
-from ..render.view import ViewRenderer, alone
+from ...geometry.camera import Intrinsics, Pose, pose_error
+from ...render.view import ViewRenderer, alone
+from ..search.hypotheses import candidate_poses
+from ..search.observe import MIN_ALPHA
+from ..settings import RefineSettings
+from ..shared.lens import LensCamera, LensMode
+from ..shared.matches import ViewMatches
+from ..shared.working import WorkingPhoto
 from .guided import Corners, follow, match_corners, pick_corners
-from .hypotheses import candidate_poses
 from .joint import STAGES, JointFit, JointProblem, Stage, fit_joint, held_out_px
-from .lens import LensCamera, LensMode
-from .matches import ViewMatches
-from .observe import MIN_ALPHA
-from .settings import RefineSettings
 from .solution import Solution, from_joint
-from .working import WorkingPhoto
 
 log = logging.getLogger(__name__)
 

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..geometry.camera import Intrinsics
-from .matches import ViewMatches
-from .report import PoseQuality, Verdict
-from .solution import Solution
+from ...geometry.camera import Intrinsics
+from ..final.solution import Solution
+from ..report import PoseQuality, Verdict
+from ..shared.matches import ViewMatches
 from .verify import FinalView
 
 CELLS = 6

@@ -14,8 +14,8 @@ from itertools import combinations
 
 import numpy as np
 
-from ..geometry.camera import FloatArray, Pose, rotation_angle_deg
-from ..geometry.lie import so3_exp, so3_log
+from ...geometry.camera import FloatArray, Pose, rotation_angle_deg
+from ...geometry.lie import so3_exp, so3_log
 from .two_view import TwoViewPose
 
 IRLS_ROUNDS = 10

@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..features.frontend import Frontend
-from ..features.subpixel import SubpixelAligner, normalise_locally
-from ..features.types import Features
-from ..geometry.camera import FloatArray, Intrinsics, Pose
-from ..photos.photo import Photo
-from ..render.view import RenderedView, ViewRenderer
-from .matches import BoolArray, ViewMatches
-from .working import GreyImage, WorkingPhoto
+from ...features.frontend import Frontend
+from ...features.subpixel import SubpixelAligner, normalise_locally
+from ...features.types import Features
+from ...geometry.camera import FloatArray, Intrinsics, Pose
+from ...photos.photo import Photo
+from ...render.view import RenderedView, ViewRenderer
+from ..shared.matches import BoolArray, ViewMatches
+from ..shared.working import GreyImage, WorkingPhoto
 
 MIN_ALPHA = 0.5  # below this a pixel of the render shows the background as much as the scan
 MIN_DEPTH_STD_RATIO = 1e-3

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.camera import FloatArray, Pose
+from ...geometry.camera import FloatArray, Pose
 
 BoolArray = NDArray[np.bool_]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.camera import FloatArray, Pose
-from ..geometry.lie import so3_exp
+from ...geometry.camera import FloatArray, Pose
+from ...geometry.lie import so3_exp
 
 # Mean length of a 3D Gaussian vector of unit deviation: 2 sqrt(2 / pi).
 GAUSSIAN_LENGTH = 1.5958

@@ -6,9 +6,9 @@ import math
 from dataclasses import asdict
 from typing import Any
 
-from .cameras.files import camera_to_dict
-from .geometry.camera import Camera
-from .pose.report import IterationRecord, RefineReport
+from ..cameras.files import camera_to_dict
+from ..geometry.camera import Camera
+from .report import IterationRecord, RefineReport
 
 VERDICTS = ("trusted", "check", "failed")
 

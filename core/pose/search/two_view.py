@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..geometry.camera import FloatArray
-from .matches import BoolArray, ViewMatches, bearings
+from ...geometry.camera import FloatArray
+from ..shared.matches import BoolArray, ViewMatches, bearings
 
 MIN_MATCHES = 8  # the samplers of OpenCV raise or return nonsense below 5; 8 leaves a check on the 5-point fit
 MAX_RANSAC_ITERATIONS = 10_000  # OpenCV's default of 1000 loses wide pairs

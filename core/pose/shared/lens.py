@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from ..geometry.camera import FloatArray, Intrinsics, Pose
-from ..geometry.lie import se3_exp
+from ...geometry.camera import FloatArray, Intrinsics, Pose
+from ...geometry.lie import se3_exp
 
 LensMode = Literal["fixed", "focal", "radial", "full"]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.camera import FloatArray, Intrinsics
+from ...geometry.camera import FloatArray, Intrinsics
+from ..shared.matches import bearings
 from .depth_pnp import FOCAL_SCALES, lifted, pnp_pose
-from .matches import bearings
 from .observe import Observation, Query
 
 MIN_SUPPORT = 40  # lifted matches that must land near their pixel before a focal length is believed

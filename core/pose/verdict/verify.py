@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..features.subpixel import SubpixelAligner, normalise_locally
-from ..geometry.camera import FloatArray, Pose
-from ..render.view import ViewRenderer, alone
-from .observe import MIN_ALPHA, grey_of
-from .working import WorkingPhoto
+from ...features.subpixel import SubpixelAligner, normalise_locally
+from ...geometry.camera import FloatArray, Pose
+from ...render.view import ViewRenderer, alone
+from ..search.observe import MIN_ALPHA, grey_of
+from ..shared.working import WorkingPhoto
 
 MAX_CORNERS = 600
 CORNER_QUALITY = 0.01

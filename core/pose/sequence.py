@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import RefineError
-from .geometry.camera import FloatArray, Pose, rotation_angle_deg
-from .geometry.lie import left_jacobian_inverse, so3_exp, so3_log
+from ..errors import RefineError
+from ..geometry.camera import FloatArray, Pose, rotation_angle_deg
+from ..geometry.lie import left_jacobian_inverse, so3_exp, so3_log
 
 STRAY_RATIO = 0.02  # of the median depth: less than this off its neighbours' line is no fault
 STRAY_DEG = 1.0

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..geometry.camera import FloatArray, Pose
-from ..geometry.lie import hat, se3_exp
-from .matches import ViewMatches, world_points
+from ...geometry.camera import FloatArray, Pose
+from ...geometry.lie import hat, se3_exp
+from ..shared.matches import ViewMatches, world_points
 
 MIN_POINTS = 12
 RANSAC_PX = 6.0  # wide: the depth of another view is off by more than a keypoint is

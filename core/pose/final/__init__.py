@@ -1,0 +1,1 @@
+"""The last stage: corners followed on finer renders, joined in one robust problem."""

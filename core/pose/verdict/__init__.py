@@ -1,0 +1,1 @@
+"""Whether a pose can be trusted, and why."""
