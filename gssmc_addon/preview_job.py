@@ -10,11 +10,11 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..core import compare_pictures
-from ..core.compare_pictures import Comparison, DrawnMatches, Image
 from ..core.errors import GssmcError, RefineError
 from ..core.geometry.camera import Camera, Intrinsics, Pose
 from ..core.photos.photo import Photo, check_size
+from ..core.pictures import compare as compare_pictures
+from ..core.pictures.compare import Comparison, DrawnMatches, Image
 from ..core.pose.settings import RefineSettings
 from ..core.render import Renderer
 from ..core.render.view import RenderedView
@@ -104,7 +104,7 @@ def _steps(inputs: PreviewInputs, stopped: Callable[[], bool]) -> Steps:
         pair = Comparison(photo.pixels, *compare_pictures.render_photo_like(renderer, camera))
     matches = None
     if options.style == "MATCHES":
-        from ..core.pose.look import matches_at
+        from ..core.pictures.matches import matches_at
 
         yield "Matching", 0.7
         matches = matches_at(renderer, photo, camera, inputs.settings)

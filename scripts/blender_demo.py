@@ -95,7 +95,7 @@ def engine_camera(camera: Any, sample: SampleFiles) -> Camera:
 
 def draw_before_after(sample: SampleFiles, before: Camera, after: Camera, path: Path) -> None:
     from core.photos.photo import read_photo
-    from core.pictures import before_after, save_png
+    from core.pictures.chessboard import before_after, save_png
     from core.render import Renderer
     from core.splats import read_splats
 

@@ -11,7 +11,7 @@ from ..cameras.files import read_cameras
 from ..console import say
 from ..geometry.camera import Camera, pose_error
 from ..photos.photo import read_photo
-from ..pictures import before_after, save_png
+from ..pictures.chessboard import before_after, save_png
 from ..pose.report import RefineReport
 from ..pose.report_json import report_to_dict
 from ..render import ProcessRenderer, RenderSettings

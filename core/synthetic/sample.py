@@ -12,8 +12,8 @@ import numpy as np
 from ..cameras.files import camera_to_dict
 from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
 from ..geometry.lie import so3_exp
-from ..lens import render_through_lens
 from ..photos.photo import Photo
+from ..pictures.through_lens import render_through_lens
 from ..render import Renderer, RenderSettings
 from ..render.view import ViewRenderer
 from ..splats.ply.reader import write_ply

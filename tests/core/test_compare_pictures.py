@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from core import compare_pictures as cp
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.photos.photo import Photo
-from core.pose.look import matches_at
+from core.pictures import compare as cp
+from core.pictures.matches import matches_at
 from core.pose.settings import RefineSettings
 from core.render import Renderer, RenderSettings
 from core.render.view import RenderedView

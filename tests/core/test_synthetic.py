@@ -9,7 +9,7 @@ import pytest
 from core.cameras.files import read_cameras
 from core.cli import main
 from core.geometry.camera import pose_error
-from core.pictures import before_after, chessboard
+from core.pictures.chessboard import before_after, chessboard
 from core.pose.refine import refine
 from core.render import Renderer, RenderSettings
 from core.splats import read_splats

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry.camera import Camera, FloatArray, Intrinsics, Pose
-from .lens import render_through_lens
-from .photos.photo import Photo
-from .render.view import RenderedView, ViewRenderer
+from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
+from ..photos.photo import Photo
+from ..render.view import RenderedView, ViewRenderer
+from .through_lens import render_through_lens
 
 Image = NDArray[np.uint8]
 

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry.camera import Camera, Intrinsics
-from .render.view import ViewRenderer
+from ..geometry.camera import Camera, Intrinsics
+from ..render.view import ViewRenderer
 
 MAX_PAD_RATIO = 1.0  # of the image's side; a lens model that folds over would ask for an endless canvas
 

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .compare_pictures import Comparison, render_photo_like, squares
-from .geometry.camera import Camera
-from .photos.photo import Photo
-from .render.view import ViewRenderer
+from ..geometry.camera import Camera
+from ..photos.photo import Photo
+from ..render.view import ViewRenderer
+from .compare import Comparison, render_photo_like, squares
 
 Image = NDArray[np.uint8]
 

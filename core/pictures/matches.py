@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from ..compare_pictures import DrawnMatches, judge_matches
 from ..features.frontend import make_frontend
 from ..geometry.camera import Camera, FloatArray, Intrinsics
 from ..photos.photo import Photo
+from ..pose.search.observe import make_query, observe
+from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
-from .search.observe import make_query, observe
-from .settings import RefineSettings
+from .compare import DrawnMatches, judge_matches
 
 
 def matches_at(renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings) -> DrawnMatches:

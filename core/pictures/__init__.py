@@ -1,0 +1,1 @@
+"""Pictures that set a photo against the splat."""
