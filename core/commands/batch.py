@@ -11,6 +11,8 @@ from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
+from ..batch.queries import find_queries
+from ..batch.store import ResultStore, job_key
 from ..cameras import pose_list
 from ..cameras.files import camera_from_dict, camera_to_dict
 from ..console import note, say
@@ -25,8 +27,6 @@ from ..splats import check_splat_file
 from .flags import MASK_HELP, SCENE_HELP, UsageError, add_settings_flags, settings_from
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .progress import ProgressBar
-from .queries import find_queries
-from .store import ResultStore, job_key
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:

@@ -7,6 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+from ..batch.refine_one import refine_photo
 from ..cameras.files import read_cameras
 from ..console import say
 from ..geometry.camera import Camera, pose_error
@@ -20,7 +21,6 @@ from ..synthetic import SampleFiles, write_sample
 from .flags import add_settings_flags, settings_from
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .progress import ProgressBar
-from .refine_one import refine_photo
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:

@@ -7,6 +7,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+from ..batch.refine_one import refine_photo
 from ..cameras.files import Start, read_starts
 from ..console import note, say
 from ..errors import CameraError, PhotoError
@@ -23,7 +24,6 @@ from .flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from .notes import say_dropped
 from .outcome import FAILED_VERDICT, OK, Outcome
 from .progress import ProgressBar
-from .refine_one import refine_photo
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:

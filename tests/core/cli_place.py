@@ -47,7 +47,7 @@ def hurt_readers(folder, monkeypatch):
         textwrap.dedent(f"""
         import os, pathlib, sys, time
         if any("worker" in a for a in sys.orig_argv):
-            import core.commands.refine_one as module
+            import core.batch.refine_one as module
             pathlib.Path({str(folder)!r}, f"{{os.getpid()}}.pid").touch()
             read = module.read_photo
             def read_photo(path):

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from cli_place import FAST, Place, hurt_readers
 
+from core.batch.store import ResultStore, job_key
 from core.cameras.files import camera_from_dict
 from core.cli import main
-from core.commands.store import ResultStore, job_key
 from core.geometry.camera import pose_error
 from core.support.atomic import atomic_write
 

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from core.commands.store import ResultsError, ResultStore, job_key
+from core.batch.store import ResultsError, ResultStore, job_key
 
 KEYS = [job_key("photo", i) for i in range(4)]
 

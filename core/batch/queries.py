@@ -9,11 +9,11 @@ from pathlib import Path
 from ..cameras import match_names, queries, read
 from ..cameras.files import Start, read_starts
 from ..cameras.pose_list import checked
+from ..commands.flags import UsageError
 from ..console import note
 from ..errors import DatasetError, PhotoError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
-from .flags import UsageError
 
 UNREAD = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of a photo that cannot be read
 
