@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import bpy
 
-from ..core.commands.outcome import Outcome
+from ..core.cli.outcome import Outcome
 from ..core.errors import GssmcError
 from ..core.geometry.camera import Camera
 from ..core.geometry.conventions import Orientation

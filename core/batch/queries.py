@@ -9,8 +9,8 @@ from pathlib import Path
 from ..cameras import match_names, queries, read
 from ..cameras.files import Start, read_starts
 from ..cameras.pose_list import checked
-from ..commands.flags import UsageError
-from ..console import note
+from ..cli.console import note
+from ..cli.flags import UsageError
 from ..errors import DatasetError, PhotoError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file

@@ -63,7 +63,7 @@ def test_core_loads_nothing_of_blender_by_name(path):
 
 @pytest.mark.parametrize("path", CORE, ids=name)
 def test_the_engine_prints_nowhere(path):
-    """The command line speaks through core/console.py, everything else logs."""
+    """The command line speaks through core/cli/console.py, everything else logs."""
     calls = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
     assert not [c.lineno for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"]
 

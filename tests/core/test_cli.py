@@ -12,9 +12,9 @@ import pytest
 from cli_place import FAST, SIZE, Place
 
 from core.cameras.files import camera_from_dict
-from core.cli import build_parser, main
-from core.commands.flags import settings_from
-from core.commands.render import output_names
+from core.cli.commands.render import output_names
+from core.cli.flags import settings_from
+from core.cli.main import build_parser, main
 from core.features.registry import EXTRACTORS, MATCHERS
 from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
 from core.pose.settings import RefineSettings

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cli_place import Place
 
-from core.cli import main
+from core.cli.main import main
 from core.render import Renderer, RenderSettings
 from core.splats import read_splats
 

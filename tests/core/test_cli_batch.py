@@ -15,7 +15,7 @@ from cli_place import FAST, Place, hurt_readers
 
 from core.batch.store import ResultStore, job_key
 from core.cameras.files import camera_from_dict
-from core.cli import main
+from core.cli.main import main
 from core.geometry.camera import pose_error
 from core.support.atomic import atomic_write
 

@@ -10,7 +10,7 @@ from core.cameras import read, starts
 from core.cameras.files import read_cameras, read_starts, write_cameras
 from core.cameras.nerfstudio import write_transforms
 from core.cameras.training_world import read_training_world
-from core.cli import main
+from core.cli.main import main
 from core.errors import DatasetError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.geometry.lie import so3_exp

@@ -10,8 +10,8 @@ from dataset_files import CAMBRIDGE_TITLE, LINE, put
 
 from core import cameras as datasets
 from core.cameras import pose_list
-from core.cli import build_parser, main
-from core.commands.flags import settings_from
+from core.cli.flags import settings_from
+from core.cli.main import build_parser, main
 from core.geometry.camera import Intrinsics, Pose, pose_error
 from core.geometry.quaternion import quaternion_from_rotation
 from core.pose.presets import PRESETS

@@ -9,7 +9,7 @@ from dataset_files import CAMBRIDGE_LINE, CAMBRIDGE_TITLE, CENTRE, LINE, OPENGL,
 
 from core.cameras import colmap, pose_list
 from core.cameras.files import write_cameras
-from core.cli import main
+from core.cli.main import main
 from core.geometry.camera import Camera, Intrinsics, Pose
 
 PUBLISHED = Path(__file__).parents[2].parent / "shared" / "eval"

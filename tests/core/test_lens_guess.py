@@ -8,7 +8,7 @@ from cli_place import FAST, Place
 from photo_files import SHORT, encoded, exif, picture, tiff
 
 from core.cameras.files import camera_from_dict, camera_to_dict, read_cameras, read_starts
-from core.cli import main
+from core.cli.main import main
 from core.errors import CameraError, PhotoError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.photos.lens_guess import DEFAULT_FOV_DEG, guess_lens, guess_lens_of_file

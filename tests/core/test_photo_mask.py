@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from cli_place import FAST, Place
 
-from core.cli import main
+from core.cli.main import main
 from core.errors import PhotoError
 from core.features.extractors.sift import RootSift
 from core.photos.mask import find_mask, masked

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.cameras.files import read_cameras
-from core.cli import main
+from core.cli.main import main
 from core.geometry.camera import pose_error
 from core.pictures.chessboard import before_after, chessboard
 from core.pose.refine import refine

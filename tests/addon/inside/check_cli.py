@@ -36,7 +36,7 @@ def flags(parser):
 
 
 def test_blender_takes_all_that_the_plain_command_line_takes(main, extension, monkeypatch):
-    cli, made = extension("core.cli"), []
+    cli, made = extension("core.cli.main"), []
     plain, build = flags(cli.build_parser()), cli.build_parser
     monkeypatch.setattr(cli, "build_parser", lambda *args: made.append(build(*args)) or made[0])
     assert main(["features"]) == 0

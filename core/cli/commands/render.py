@@ -12,15 +12,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..cameras.files import read_cameras
+from ...cameras.files import read_cameras
+from ...geometry.camera import Camera
+from ...render import RenderedView, Renderer, RenderSettings
+from ...splats import read_splats
+from ...support.atomic import atomic_write
 from ..console import say
-from ..geometry.camera import Camera
-from ..render import RenderedView, Renderer, RenderSettings
-from ..splats import read_splats
-from ..support.atomic import atomic_write
-from .flags import SCENE_HELP
-from .notes import say_dropped
-from .outcome import OK, Outcome
+from ..flags import SCENE_HELP
+from ..notes import say_dropped
+from ..outcome import OK, Outcome
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:

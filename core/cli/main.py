@@ -9,11 +9,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
+from ..errors import GssmcError
 from .commands import batch, convert, demo, evaluate, features, refine, render
-from .commands.flags import OneLineParser, UsageError
-from .commands.outcome import BAD_INPUT, INTERRUPTED, Outcome
 from .console import note
-from .errors import GssmcError
+from .flags import OneLineParser, UsageError
+from .outcome import BAD_INPUT, INTERRUPTED, Outcome
 
 COMMANDS = {
     "render": render,

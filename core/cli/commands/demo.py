@@ -7,20 +7,20 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ..batch.refine_one import refine_photo
-from ..cameras.files import read_cameras
+from ...batch.refine_one import refine_photo
+from ...cameras.files import read_cameras
+from ...geometry.camera import Camera, pose_error
+from ...photos.photo import read_photo
+from ...pictures.chessboard import before_after, save_png
+from ...pose.report import RefineReport
+from ...pose.report_json import report_to_dict
+from ...render import ProcessRenderer, RenderSettings
+from ...splats import read_splats
+from ...synthetic import SampleFiles, write_sample
 from ..console import say
-from ..geometry.camera import Camera, pose_error
-from ..photos.photo import read_photo
-from ..pictures.chessboard import before_after, save_png
-from ..pose.report import RefineReport
-from ..pose.report_json import report_to_dict
-from ..render import ProcessRenderer, RenderSettings
-from ..splats import read_splats
-from ..synthetic import SampleFiles, write_sample
-from .flags import add_settings_flags, settings_from
-from .outcome import FAILED_VERDICT, OK, Outcome
-from .progress import ProgressBar
+from ..flags import add_settings_flags, settings_from
+from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..progress import ProgressBar
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:

@@ -9,11 +9,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
 
-from ..cameras import PoseSet, Split
-from ..cameras.evaluate import STYLES, Scores, average, pose_errors, score, table
-from ..cameras.scenes import Scene, find_scenes, poses_of
+from ...cameras import PoseSet, Split
+from ...cameras.evaluate import STYLES, Scores, average, pose_errors, score, table
+from ...cameras.scenes import Scene, find_scenes, poses_of
 from ..console import note, say
-from .outcome import OK, Outcome
+from ..outcome import OK, Outcome
 
 AVERAGE = "average"
 START = "start"

@@ -6,10 +6,10 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
+from ...features.nets.models import KNOWN, recognise
+from ...features.registry import AUTO, EXTRACTORS, MATCHERS, ExtractorKind, MatcherKind, missing
 from ..console import say
-from ..features.nets.models import KNOWN, recognise
-from ..features.registry import AUTO, EXTRACTORS, MATCHERS, ExtractorKind, MatcherKind, missing
-from .outcome import OK, Outcome
+from ..outcome import OK, Outcome
 
 AUTO_TEXT = "SIFT; with a model of ALIKED (--model), that takes over where SIFT finds no answer"
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..console import note
 from ..splats import GaussianScene
+from .console import note
 
 
 def say_dropped(scene: GaussianScene) -> None:

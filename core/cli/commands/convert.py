@@ -8,15 +8,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..cameras import colmap, nerfstudio, pose_list, starts
-from ..cameras.files import Start
-from ..cameras.training_world import FILE, read_training_world
+from ...cameras import colmap, nerfstudio, pose_list, starts
+from ...cameras.files import Start
+from ...cameras.training_world import FILE, read_training_world
+from ...errors import DatasetError
+from ...geometry.camera import Camera
+from ...geometry.conventions import Similarity
+from ...support.atomic import atomic_write
 from ..console import say
-from ..errors import DatasetError
-from ..geometry.camera import Camera
-from ..geometry.conventions import Similarity
-from ..support.atomic import atomic_write
-from .outcome import OK, Outcome
+from ..outcome import OK, Outcome
 
 SUFFIXES = {".json": "json", ".txt": "poses", "": "colmap"}
 

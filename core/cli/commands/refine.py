@@ -7,23 +7,23 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ..batch.refine_one import refine_photo
-from ..cameras.files import Start, read_starts
+from ...batch.refine_one import refine_photo
+from ...cameras.files import Start, read_starts
+from ...errors import CameraError, PhotoError
+from ...geometry.camera import Camera
+from ...photos.lens_guess import guess_lens
+from ...photos.mask import find_mask, masked
+from ...photos.photo import Photo, read_photo
+from ...pose.report import RefineReport
+from ...pose.report_json import report_to_dict
+from ...render import ProcessRenderer, RenderSettings
+from ...splats import read_splats
+from ...support.atomic import atomic_write
 from ..console import note, say
-from ..errors import CameraError, PhotoError
-from ..geometry.camera import Camera
-from ..photos.lens_guess import guess_lens
-from ..photos.mask import find_mask, masked
-from ..photos.photo import Photo, read_photo
-from ..pose.report import RefineReport
-from ..pose.report_json import report_to_dict
-from ..render import ProcessRenderer, RenderSettings
-from ..splats import read_splats
-from ..support.atomic import atomic_write
-from .flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
-from .notes import say_dropped
-from .outcome import FAILED_VERDICT, OK, Outcome
-from .progress import ProgressBar
+from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..notes import say_dropped
+from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..progress import ProgressBar
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:

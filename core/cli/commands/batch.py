@@ -11,22 +11,22 @@ from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
-from ..batch.queries import find_queries
-from ..batch.store import ResultStore, job_key
-from ..cameras import pose_list
-from ..cameras.files import camera_from_dict, camera_to_dict
+from ...batch.queries import find_queries
+from ...batch.store import ResultStore, job_key
+from ...cameras import pose_list
+from ...cameras.files import camera_from_dict, camera_to_dict
+from ...errors import SplatFormatError
+from ...geometry.camera import Camera
+from ...photos.mask import find_mask
+from ...pose.presets import PRESETS
+from ...pose.report_json import error_to_dict
+from ...pose.settings import RefineSettings
+from ...processes.pool import Pool
+from ...splats import check_splat_file
 from ..console import note, say
-from ..errors import SplatFormatError
-from ..geometry.camera import Camera
-from ..photos.mask import find_mask
-from ..pose.presets import PRESETS
-from ..pose.report_json import error_to_dict
-from ..pose.settings import RefineSettings
-from ..processes.pool import Pool
-from ..splats import check_splat_file
-from .flags import MASK_HELP, SCENE_HELP, UsageError, add_settings_flags, settings_from
-from .outcome import FAILED_VERDICT, OK, Outcome
-from .progress import ProgressBar
+from ..flags import MASK_HELP, SCENE_HELP, UsageError, add_settings_flags, settings_from
+from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..progress import ProgressBar
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:

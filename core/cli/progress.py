@@ -6,7 +6,7 @@ import sys
 import time
 from types import TracebackType
 
-from ..console import note
+from .console import note
 
 WIDTH = 28
 MIN_GAIN = 0.02  # a guess from less is worth nothing

@@ -1,0 +1,1 @@
+"""The command line, the same under plain Python and inside Blender."""
