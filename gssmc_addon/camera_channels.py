@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..core.errors import CameraError
-from .texts import rpt_
+from .support.texts import rpt_
 
 WRITTEN_CHANNELS = ("location", "rotation", "lens", "shift")
 ROTATION_PATHS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}

@@ -16,7 +16,7 @@ from ..core.errors import CameraError, DatasetError
 from ..core.geometry.camera import Camera
 from ..core.support.atomic import atomic_write
 from . import camera_bridge, photo_image
-from .texts import rpt_
+from .support.texts import rpt_
 
 
 def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list[tuple[bpy.types.Object, Camera]]:

@@ -24,7 +24,7 @@ from ..core.photos.lens_guess import guess_lens
 from ..core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
 from . import camera_bridge, jobs, photo_camera, photo_image
 from .job import Job, redraw
-from .texts import iface_, n_, rpt_
+from .support.texts import iface_, n_, rpt_
 
 PHOTO_PLACES = (".", "images", "../images", "../../images")  # seen from the file: COLMAP's and nerfstudio's habits
 COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..core.errors import SplatFormatError
-from .texts import rpt_
+from .support.texts import rpt_
 
 
 def new_cloud(name: str, count: int) -> bpy.types.PointCloud:

@@ -10,7 +10,7 @@ import bpy
 
 from ..core.errors import GssmcError, RefineError
 from .splat_copy import SplatCopying
-from .texts import iface_, n_
+from .support.texts import iface_, n_
 from .worker import Failure, Finished, Steps, Worker
 
 TICK_S = 0.1

@@ -9,7 +9,7 @@ import bpy
 from ..core.errors import GssmcError
 from . import jobs
 from .job import Job
-from .texts import rpt_
+from .support.texts import rpt_
 
 
 class Idle:

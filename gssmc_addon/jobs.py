@@ -17,11 +17,12 @@ from ..core.features.frontend import check_choice
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from ..core.render import memory
-from . import camera_bridge, camera_channels, mask_source, plate_source, preferences, problem, properties, splat_object
+from . import camera_bridge, camera_channels, mask_source, plate_source, preferences, properties, splat_object
 from .job import TICK_S, Job, redraw
 from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
-from .texts import iface_, n_, rpt_
+from .support import problem
+from .support.texts import iface_, n_, rpt_
 from .worker import RefineInputs, refinement
 
 SHUTDOWN_JOIN_S = 5.0

@@ -13,7 +13,7 @@ from ..core.photos.photo import Photo
 from . import photo_image
 from .photo_image import PhotoSource
 from .plate_source import FrameSource
-from .texts import rpt_
+from .support.texts import rpt_
 
 SINGLE = ("FILE", "GENERATED")  # sources of an image that is one picture
 

@@ -8,7 +8,7 @@ import bpy
 
 from . import jobs, photo_image, preferences, properties, splat_object, viewport_props
 from .job import Job
-from .texts import iface_
+from .support.texts import iface_
 
 CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4

@@ -14,7 +14,7 @@ from ..core.geometry.camera import Camera, Intrinsics
 from ..core.photos.lens_guess import guess_lens
 from ..core.photos.photo import Photo, check_size
 from . import camera_bridge, camera_channels, photo_image, properties
-from .texts import rpt_
+from .support.texts import rpt_
 
 DEFAULT_LENS_MM = 35.0  # on Blender's sensor of 36 mm, as DEFAULT_FOV_DEG of core.photos.lens_guess
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know

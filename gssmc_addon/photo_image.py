@@ -14,7 +14,7 @@ from ..core.photos.exif import read_exif
 from ..core.photos.linear import photo_from_linear
 from ..core.photos.photo import Photo, read_photo
 from ..core.photos.size import EXR_SIGNATURE
-from .texts import rpt_
+from .support.texts import rpt_
 
 FILE_KEY = "gssmc_file"
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows

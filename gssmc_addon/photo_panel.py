@@ -6,7 +6,7 @@ import bpy
 
 from . import jobs, panels, photo_list, properties
 from .photo_entry import GssmcPhoto
-from .texts import iface_
+from .support.texts import iface_
 
 ROWS = 4
 

@@ -18,7 +18,7 @@ from .job import QueueJob
 from .photo_entry import GssmcPhoto
 from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
-from .texts import iface_, n_, rpt_
+from .support.texts import iface_, n_, rpt_
 from .worker import Steps, refinement
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".exr")

@@ -6,7 +6,7 @@ import bpy
 
 from . import jobs, panels, photo_image
 from .plate_source import MOVING
-from .texts import iface_
+from .support.texts import iface_
 
 
 class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):

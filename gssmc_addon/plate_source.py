@@ -12,7 +12,7 @@ from ..core.photos.photo import Photo
 from ..core.photos.plate import DIGITS, Plate, open_plate
 from . import photo_image
 from .photo_image import PhotoSource
-from .texts import rpt_
+from .support.texts import rpt_
 
 MOVING = ("SEQUENCE", "MOVIE")
 

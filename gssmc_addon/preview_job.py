@@ -24,7 +24,7 @@ from .job import Job
 from .photo_image import PhotoSource
 from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
-from .texts import n_, rpt_
+from .support.texts import n_, rpt_
 from .worker import Steps
 
 

@@ -24,7 +24,7 @@ from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.presets import PRESETS
 from ..core.pose.settings import RefineSettings, choices
 from . import mask_source, photo_entry, photo_image, preferences, preview_state, splat_object
-from .texts import iface_
+from .support.texts import iface_
 
 LIMITS = {
     "iterations": (1, 100),

@@ -19,7 +19,7 @@ from . import camera_bridge, jobs, mask_source, plate_source
 from .job import QueueJob
 from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer
-from .texts import iface_, n_, rpt_
+from .support.texts import iface_, n_, rpt_
 from .worker import RefineInputs, Steps, refinement
 
 DOUBT = 0.25  # weight of a frame whose verdict is "check"

@@ -12,7 +12,7 @@ import numpy as np
 from ..core.errors import SplatFormatError
 from ..core.splats.scene import GaussianScene
 from .splat_object import BASE, SH_PREFIX, check_attribute, is_splat, read_attribute, sh_bands
-from .texts import n_, rpt_
+from .support.texts import n_, rpt_
 
 SHAPE = (("position", 3), ("scale", 3), ("rotation", 4), (BASE, 4))  # before the SH coefficients
 

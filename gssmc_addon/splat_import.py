@@ -17,7 +17,7 @@ from ..core.splats import SUFFIXES, inspect_splats
 from ..core.splats.scene import GaussianScene
 from . import cloud_size, splat_display, splat_object, viewport, viewport_props
 from .splat_import_job import Look, ReadSplat
-from .texts import iface_, n_, rpt_
+from .support.texts import iface_, n_, rpt_
 
 ADDING_S = 0.05
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)

@@ -13,7 +13,7 @@ from ..core.errors import Cancelled, GssmcError, SplatFormatError
 from ..core.splats import read_splats
 from ..core.splats.scene import GaussianScene
 from . import splat_display, viewport_clouds
-from .texts import n_, rpt_, sentence
+from .support.texts import n_, rpt_, sentence
 
 log = logging.getLogger(__name__)
 

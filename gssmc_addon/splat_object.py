@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import RefineError, SplatFormatError
 from ..core.splats.scene import SH_COEFFICIENTS, GaussianScene
-from .texts import rpt_
+from .support.texts import rpt_
 
 BASE = "radiance:base"
 SH_PREFIX = "radiance:sh_"

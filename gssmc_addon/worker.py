@@ -17,7 +17,7 @@ from ..core.render.sharing import quick_handover
 from .camera_bridge import CameraCopy
 from .photo_image import PhotoSource
 from .splat_renderer import SplatRenderer
-from .texts import sentence
+from .support.texts import sentence
 
 log = logging.getLogger(__name__)
 

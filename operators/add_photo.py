@@ -7,8 +7,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..gssmc_addon import photo_camera, photo_image, photo_list
-from ..gssmc_addon.operator_parts import FromFile, PlainOperator
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.operator_parts import FromFile, PlainOperator
+from ..gssmc_addon.support.texts import rpt_
 
 CAMERA_ITEMS = (
     (

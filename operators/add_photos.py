@@ -7,9 +7,9 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..core.errors import RefineError
 from ..gssmc_addon import jobs, photo_list
-from ..gssmc_addon.operator_parts import JobFromFile
 from ..gssmc_addon.photo_queue import AddPhotosJob, photos_in
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.operator_parts import JobFromFile
+from ..gssmc_addon.support.texts import rpt_
 
 
 class _AddPhotos(JobFromFile):

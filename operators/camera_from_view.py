@@ -5,8 +5,8 @@ from bpy.props import BoolProperty
 from mathutils import Matrix
 
 from ..gssmc_addon import camera_channels, photo_camera
-from ..gssmc_addon.operator_parts import PlainOperator
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.operator_parts import PlainOperator
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):

@@ -7,8 +7,8 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from ..gssmc_addon import camera_exchange, photo_image
-from ..gssmc_addon.operator_parts import PlainOperator
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.operator_parts import PlainOperator
+from ..gssmc_addon.support.texts import rpt_
 
 FORMATS = (
     ("JSON", "Camera JSON", "GS-SMC's own format, with the verdicts"),

@@ -7,8 +7,8 @@ from bpy.props import BoolProperty, StringProperty
 
 from ..gssmc_addon import camera_bridge
 from ..gssmc_addon.camera_import_job import CameraImport
-from ..gssmc_addon.operator_parts import JobFromFile
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.operator_parts import JobFromFile
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):

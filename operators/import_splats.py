@@ -10,9 +10,9 @@ from bpy_extras.io_utils import ImportHelper
 from ..core.errors import GssmcError
 from ..core.render import memory
 from ..gssmc_addon import panels, preferences, splat_display, splat_import, splat_object, viewport_props
-from ..gssmc_addon.operator_parts import PlainOperator
 from ..gssmc_addon.splat_import_job import ImportJob
-from ..gssmc_addon.texts import iface_, rpt_
+from ..gssmc_addon.support.operator_parts import PlainOperator
+from ..gssmc_addon.support.texts import iface_, rpt_
 
 ORIENTATION_ITEMS = (
     ("AUTO", "By Format", "What the file's format means, or the file declares: .ply and .splat y down, .spz y up"),

@@ -4,8 +4,8 @@ import bpy
 
 from ..core.errors import PhotoError
 from ..gssmc_addon import camera_bridge, photo_camera, photo_image
-from ..gssmc_addon.operator_parts import OfPhoto
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.operator_parts import OfPhoto
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_match_resolution(OfPhoto, bpy.types.Operator):

@@ -10,8 +10,8 @@ from ..core.errors import FeatureError, GssmcError
 from ..core.features.nets.download import download
 from ..core.features.nets.models import KNOWN, address
 from ..gssmc_addon import preferences
-from ..gssmc_addon.operator_parts import PlainOperator
-from ..gssmc_addon.texts import iface_, rpt_
+from ..gssmc_addon.support.operator_parts import PlainOperator
+from ..gssmc_addon.support.texts import iface_, rpt_
 from ..gssmc_addon.worker import Failure, Finished, Worker
 
 TICK_S = 0.1

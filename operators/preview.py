@@ -6,7 +6,7 @@ from bpy.props import StringProperty
 from ..core.errors import RefineError
 from ..gssmc_addon import preview_images, preview_job, preview_options, properties
 from ..gssmc_addon.job_operator import JobOperator
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_preview(JobOperator, bpy.types.Operator):

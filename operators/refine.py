@@ -5,7 +5,7 @@ from bpy.props import StringProperty
 
 from ..gssmc_addon import jobs, photo_image, properties
 from ..gssmc_addon.job_operator import JobOperator
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_refine(JobOperator, bpy.types.Operator):

@@ -5,7 +5,7 @@ from bpy.props import EnumProperty
 
 from ..gssmc_addon import photo_list, photo_queue, properties
 from ..gssmc_addon.job_operator import JobOperator
-from ..gssmc_addon.texts import rpt_, tip_
+from ..gssmc_addon.support.texts import rpt_, tip_
 
 WHICH = (
     ("ALL", "All", "Every photo of the list"),

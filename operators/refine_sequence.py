@@ -7,7 +7,7 @@ from ..core.errors import RefineError
 from ..gssmc_addon import camera_channels, camera_keys, plate_source, properties, splat_object
 from ..gssmc_addon.job_operator import AskingJobOperator
 from ..gssmc_addon.sequence_job import SequenceJob, SequenceOptions, frame_list
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):

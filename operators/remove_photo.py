@@ -5,7 +5,7 @@ from bpy.props import BoolProperty
 
 from ..gssmc_addon import photo_image, photo_list
 from ..gssmc_addon.job_operator import Idle, Reporter
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_remove_photo(Idle, Reporter, bpy.types.Operator):

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..gssmc_addon import problem
+from ..gssmc_addon.support import problem
 
 
 class GSSMC_OT_report_problem(bpy.types.Operator):

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, IntProperty
 
 from ..gssmc_addon import photo_list
-from ..gssmc_addon.texts import tip_
+from ..gssmc_addon.support.texts import tip_
 
 
 class GSSMC_OT_review(bpy.types.Operator):

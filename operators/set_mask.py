@@ -8,8 +8,8 @@ from bpy.props import BoolProperty, StringProperty
 from ..core.errors import CameraError, GssmcError
 from ..core.photos.mask import find_mask
 from ..gssmc_addon import mask_source, photo_image, photo_list, plate_source
-from ..gssmc_addon.operator_parts import FromFile, PlainOperator
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.operator_parts import FromFile, PlainOperator
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_set_mask(PlainOperator, bpy.types.Operator, FromFile):

@@ -5,8 +5,8 @@ import bpy
 from ..core.errors import CameraError
 from ..core.photos.undistort import undistorted
 from ..gssmc_addon import camera_bridge, photo_image
-from ..gssmc_addon.operator_parts import OfPhoto
-from ..gssmc_addon.texts import rpt_
+from ..gssmc_addon.support.operator_parts import OfPhoto
+from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_undistort_photo(OfPhoto, bpy.types.Operator):

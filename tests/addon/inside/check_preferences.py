@@ -60,7 +60,7 @@ def test_the_log_file_gets_the_engines_words(bpy, own, scene, tmp_path):
 
 
 def test_a_problem_is_reported_with_versions_and_the_last_record(bpy, scene, extension):
-    problem = extension("gssmc_addon.problem")
+    problem = extension("gssmc_addon.support.problem")
     bpy.ops.gssmc.refine()
     text = problem.text(bpy.context)
     for words in ("GS-SMC 0.", f"Blender {bpy.app.version_string}", "Python 3.", "numpy ", "cv2 5", '"verdict": "failed"'):

@@ -26,7 +26,7 @@ GERMAN = {
 def german(bpy, extension, monkeypatch):
     """Blender's three lookups, answering in German."""
     asked = {f"pgettext_{kind}": lambda text: GERMAN.get(text, text) for kind in ("iface", "rpt", "tip")}
-    monkeypatch.setattr(extension("gssmc_addon.texts"), "translations", SimpleNamespace(**asked))
+    monkeypatch.setattr(extension("gssmc_addon.support.texts"), "translations", SimpleNamespace(**asked))
 
 
 def drawn(bpy, extension):
@@ -85,4 +85,4 @@ def test_a_threads_errors_are_translated_in_the_main_thread(bpy, extension, germ
 @pytest.mark.parametrize("wrong", ["{zahl} dazu", "{count", "{count.nothing}", "{count:,.2q}", "{} dazu"])
 def test_a_dictionarys_mistake_costs_nothing(bpy, extension, german, monkeypatch, wrong):
     monkeypatch.setitem(GERMAN, "{count} added", wrong)
-    assert extension("gssmc_addon.texts").rpt_("{count} added", count=3) == "3 added"
+    assert extension("gssmc_addon.support.texts").rpt_("{count} added", count=3) == "3 added"

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from bpy.app import translations
 
-from ..core.errors import GssmcError
+from ...core.errors import GssmcError
 
 n_ = translations.pgettext_n
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import bpy
 
-from ..core.pose.report import RefineReport
-from ..core.pose.report_json import report_to_dict
+from ...core.pose.report import RefineReport
+from ...core.pose.report_json import report_to_dict
 
 MODULES = ("numpy", "cv2", "scipy", "plyfile")
 LEFT_OUT = ("file", "R", "t", "start")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
-from ..core.errors import GssmcError
-from . import photo_image
-from .job_operator import AskingJobOperator, Reporter
+from ...core.errors import GssmcError
+from .. import photo_image
+from ..job_operator import AskingJobOperator, Reporter
 
 
 class PlainOperator(Reporter):
