@@ -16,7 +16,8 @@ from ..core.geometry.conventions import Orientation
 from ..core.photos.photo import read_photo
 from ..core.pose.report_json import report_to_dict
 from ..core.splats import read_splats
-from . import camera_bridge, photo_camera, photo_image, properties, splat_import
+from . import photo_camera, photo_image, properties, splat_import
+from .camera import bridge as camera_bridge
 
 
 def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation | Literal["AUTO"]) -> None:

@@ -13,7 +13,9 @@ from ..core.geometry import conventions
 from ..core.geometry.camera import Camera, Intrinsics
 from ..core.photos.lens_guess import guess_lens
 from ..core.photos.photo import Photo, check_size
-from . import camera_bridge, camera_channels, photo_image, properties
+from . import photo_image, properties
+from .camera import bridge as camera_bridge
+from .camera import channels as camera_channels
 from .support.texts import rpt_
 
 DEFAULT_LENS_MM = 35.0  # on Blender's sensor of 36 mm, as DEFAULT_FOV_DEG of core.photos.lens_guess

@@ -18,8 +18,9 @@ from ..core.pictures.compare import Comparison, DrawnMatches, Image
 from ..core.pose.settings import RefineSettings
 from ..core.render import Renderer
 from ..core.render.view import RenderedView
-from . import camera_bridge, mask_source, photo_image, plate_source, preview_images, preview_options, splat_object
-from .camera_bridge import CameraCopy
+from . import mask_source, photo_image, plate_source, preview_images, preview_options, splat_object
+from .camera import bridge as camera_bridge
+from .camera.bridge import CameraCopy
 from .job import Job
 from .photo_image import PhotoSource
 from .splat_copy import SplatCopying

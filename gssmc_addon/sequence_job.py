@@ -15,7 +15,8 @@ from ..core.pose import sequence
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.sequence import FramePose
 from ..core.pose.settings import RefineSettings
-from . import camera_bridge, jobs, mask_source, plate_source
+from . import jobs, mask_source, plate_source
+from .camera import bridge as camera_bridge
 from .job import QueueJob
 from .splat_copy import SplatCopying
 from .splat_renderer import SplatRenderer

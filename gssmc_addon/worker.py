@@ -14,7 +14,7 @@ from ..core.photos.photo import Photo
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from ..core.render.sharing import quick_handover
-from .camera_bridge import CameraCopy
+from .camera.bridge import CameraCopy
 from .photo_image import PhotoSource
 from .splat_renderer import SplatRenderer
 from .support.texts import sentence

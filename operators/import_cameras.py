@@ -5,8 +5,8 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ..gssmc_addon import camera_bridge
-from ..gssmc_addon.camera_import_job import CameraImport
+from ..gssmc_addon.camera import bridge as camera_bridge
+from ..gssmc_addon.camera.import_job import CameraImport
 from ..gssmc_addon.support.operator_parts import JobFromFile
 from ..gssmc_addon.support.texts import rpt_
 

@@ -3,7 +3,8 @@
 import bpy
 
 from ..core.errors import PhotoError
-from ..gssmc_addon import camera_bridge, photo_camera, photo_image
+from ..gssmc_addon import photo_camera, photo_image
+from ..gssmc_addon.camera import bridge as camera_bridge
 from ..gssmc_addon.support.operator_parts import OfPhoto
 from ..gssmc_addon.support.texts import rpt_
 

@@ -53,7 +53,7 @@ def points_before(pose, rng):
 @pytest.mark.parametrize("fit", FITS)
 def test_points_lie_where_blender_draws_them(bpy, extension, splat, fit):
     """Reading and writing, over frames, percentages, pixel aspects, shifts, photo shapes and a scaled parent."""
-    bridge, scene = extension("gssmc_addon.camera_bridge"), bpy.context.scene
+    bridge, scene = extension("gssmc_addon.camera.bridge"), bpy.context.scene
     rng, worst = np.random.default_rng(3), 0.0
     parent = bpy.data.objects.new("parent", None)
     scene.collection.objects.link(parent)
@@ -98,7 +98,7 @@ def moved(extension, camera, rng):
 
 def test_a_change_of_resolution_leaves_a_written_camera_alone(bpy, extension, splat):
     """Photos of several shapes share one scene; each camera keeps the frame that its lens was written for."""
-    bridge, scene = extension("gssmc_addon.camera_bridge"), bpy.context.scene
+    bridge, scene = extension("gssmc_addon.camera.bridge"), bpy.context.scene
     camera, rng = add_camera(bpy), np.random.default_rng(1)
     wanted = moved(extension, bridge.read_camera(scene, camera, splat).at_size(60, 90), rng)
     bridge.write_camera(scene, camera, splat, wanted)
@@ -112,7 +112,7 @@ def test_a_change_of_resolution_leaves_a_written_camera_alone(bpy, extension, sp
 
 
 def test_an_uneven_parent_is_refused_and_nothing_moves(bpy, extension, splat):
-    bridge, scene = extension("gssmc_addon.camera_bridge"), bpy.context.scene
+    bridge, scene = extension("gssmc_addon.camera.bridge"), bpy.context.scene
     parent = bpy.data.objects.new("parent", None)
     scene.collection.objects.link(parent)
     parent.scale = (1, 3, 1)
@@ -127,8 +127,8 @@ def test_an_uneven_parent_is_refused_and_nothing_moves(bpy, extension, splat):
 
 @pytest.mark.parametrize("mode", ["XYZ", "QUATERNION", "AXIS_ANGLE"])
 def test_an_animated_camera_gets_a_keyframe(bpy, extension, splat, mode):
-    bridge, scene = extension("gssmc_addon.camera_bridge"), bpy.context.scene
-    channels = extension("gssmc_addon.camera_channels")
+    bridge, scene = extension("gssmc_addon.camera.bridge"), bpy.context.scene
+    channels = extension("gssmc_addon.camera.channels")
     camera = add_camera(bpy)
     camera.rotation_mode = mode
     for frame in (1, 20):
@@ -149,12 +149,12 @@ def test_an_animated_camera_gets_a_keyframe(bpy, extension, splat, mode):
 
 def test_a_still_camera_gets_no_keyframe(bpy, extension):
     camera = add_camera(bpy)
-    assert extension("gssmc_addon.camera_channels").write_keyframes(bpy.context.scene, camera) == ""
+    assert extension("gssmc_addon.camera.channels").write_keyframes(bpy.context.scene, camera) == ""
     assert camera.animation_data is None
 
 
 def test_an_animated_lens_is_keyed_too(bpy, extension):
-    channels, camera = extension("gssmc_addon.camera_channels"), add_camera(bpy)
+    channels, camera = extension("gssmc_addon.camera.channels"), add_camera(bpy)
     camera.data.keyframe_insert("lens", frame=1)
     camera.data.lens = 77
     assert "lens got a keyframe" in channels.write_keyframes(bpy.context.scene, camera)
@@ -164,7 +164,7 @@ def test_an_animated_lens_is_keyed_too(bpy, extension):
 
 def test_a_photo_of_oblong_pixels_fills_the_frame(bpy, extension, splat, tmp_path):
     """fx and fy that differ become the scene's pixel aspect; the background image must be drawn with it."""
-    bridge, scene = extension("gssmc_addon.camera_bridge"), bpy.context.scene
+    bridge, scene = extension("gssmc_addon.camera.bridge"), bpy.context.scene
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
     camera, engine = scene.camera, extension("core.geometry.camera")
     lens = engine.Intrinsics(60, 90, 80.0, 100.0, 30.0, 45.0)

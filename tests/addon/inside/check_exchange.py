@@ -39,7 +39,7 @@ def same(extension, got, wanted):
 
 
 def read_to_end(extension, path, photos):
-    steps = extension("gssmc_addon.camera_import_job").gather(path, photos)
+    steps = extension("gssmc_addon.camera.import_job").gather(path, photos)
     while True:
         try:
             next(steps)
@@ -70,7 +70,7 @@ def test_cameras_of_nerfstudio_follow_its_splat_and_go_back(bpy, extension, scen
     world.write_text(json.dumps({"transform": np.column_stack([turn, shift]).tolist(), "scale": scale}))
     extension("core.cameras.nerfstudio").write_transforms(tmp_path / "transforms.json", cameras)
     bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "transforms.json"), world=str(world))
-    inside = extension("gssmc_addon.camera_bridge").read_camera(scene, scene.camera, scene.gssmc.splat)
+    inside = extension("gssmc_addon.camera.bridge").read_camera(scene, scene.camera, scene.gssmc.splat)
     np.testing.assert_allclose(inside.pose.centre, scale * (turn @ cameras[0].pose.centre + shift), atol=1e-4)
     np.testing.assert_allclose(inside.pose.R, cameras[0].pose.R @ turn.T, atol=1e-5)
     out = tmp_path / "back.json"
@@ -131,7 +131,7 @@ def test_photos_are_not_decoded_but_for_those_that_must_be_turned(bpy, scene, tm
 @pytest.fixture
 def importing(extension, scene, cameras, tmp_path, monkeypatch):
     """An import that has made one of two cameras, driven by hand as the timer of the window does it."""
-    module = extension("gssmc_addon.camera_import_job")
+    module = extension("gssmc_addon.camera.import_job")
     monkeypatch.setattr(module, "SLICE_S", -1.0)  # one camera a tick
     extension("core.cameras.files").write_cameras(tmp_path / "in.json", cameras)
     job = module.CameraImport(scene, tmp_path / "in.json", None, False)
@@ -212,7 +212,7 @@ def test_the_background_can_be_undistorted(bpy, scene, tmp_path):
 
 
 def test_matching_the_resolution_keeps_the_camera(bpy, scene, extension, tmp_path):
-    bridge = extension("gssmc_addon.camera_bridge")
+    bridge = extension("gssmc_addon.camera.bridge")
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.jpg", focal_35mm=28)), camera="NEW")
     before = bridge.photo_intrinsics(scene, scene.camera.data, 60, 90)
     assert bpy.ops.gssmc.match_resolution() == {"FINISHED"}

@@ -175,7 +175,7 @@ def test_a_camera_file_without_a_splat_changes_nothing(bpy, tmp_path):
 
 def test_intrinsics_are_those_blender_draws_with(bpy, extension):
     """Our K against Blender's own projection matrix, over random lenses, sensors, fits, shifts and pixel aspects."""
-    bridge, conventions = extension("gssmc_addon.camera_bridge"), extension("core.geometry.conventions")
+    bridge, conventions = extension("gssmc_addon.camera.bridge"), extension("core.geometry.conventions")
     camera, scene = add_camera(bpy), bpy.context.scene
     rng = np.random.default_rng(4)
     for number in range(60):

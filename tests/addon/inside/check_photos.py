@@ -23,7 +23,7 @@ def test_a_folder_becomes_cameras_and_they_come_home(bpy, listed, place, extensi
     assert (listed.render.resolution_x, listed.render.resolution_y) == (1920, 1080)  # the artist's own, never asked for
     assert all(max(entry.camera.data.gssmc.photo.preview.image_size) == 64 for entry in own.photos)
     assert bpy.ops.gssmc.refine_all(**rooms.QUICK) == {"FINISHED"}
-    read = extension("gssmc_addon.camera_bridge").read_camera
+    read = extension("gssmc_addon.camera.bridge").read_camera
     for entry, truth in zip(own.photos, truths, strict=True):
         assert entry.camera.data.gssmc.verdict in ("TRUSTED", "CHECK"), entry.camera.data.gssmc.reasons
         assert entry.error == ""

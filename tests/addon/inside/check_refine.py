@@ -138,7 +138,7 @@ def test_with_a_sheared_camera(bpy, scene):
 @pytest.mark.parametrize("parented", [False, True])
 def test_a_result_lands_where_it_should(bpy, scene, extension, mode, parented):
     """Write and read back through Blender, for every rotation mode, with a moved splat and a scaled parent."""
-    bridge, cam = extension("gssmc_addon.camera_bridge"), extension("core.geometry.camera")
+    bridge, cam = extension("gssmc_addon.camera.bridge"), extension("core.geometry.camera")
     splat, camera = scene.gssmc.splat, scene.camera
     splat.location, splat.rotation_euler, splat.scale = (1, -2, 3), (0.4, 0.5, -0.6), (2.5,) * 3
     camera.rotation_mode = mode

@@ -54,7 +54,7 @@ def keyed(camera, path):
 
 
 def errors(bpy, extension, scene, truths, frames):
-    read, out = extension("gssmc_addon.camera_bridge").read_camera, []
+    read, out = extension("gssmc_addon.camera.bridge").read_camera, []
     for frame in frames:
         scene.frame_set(frame)
         pose = read(scene, scene.camera, scene.gssmc.splat).at_size(rooms.WIDTH, rooms.HEIGHT).pose

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.geometry.camera import Camera
-from . import camera_bridge, camera_channels
+from ...core.geometry.camera import Camera
+from . import bridge as camera_bridge
+from . import channels as camera_channels
 
 
 def write(

@@ -15,16 +15,17 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core import cameras as datasets
-from ..core.cameras.files import Start
-from ..core.cameras.training_world import read_training_world
-from ..core.errors import CameraError, GssmcError
-from ..core.geometry.camera import Camera
-from ..core.photos.lens_guess import guess_lens
-from ..core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
-from . import camera_bridge, jobs, photo_camera, photo_image
-from .job import Job, redraw
-from .support.texts import iface_, n_, rpt_
+from ...core import cameras as datasets
+from ...core.cameras.files import Start
+from ...core.cameras.training_world import read_training_world
+from ...core.errors import CameraError, GssmcError
+from ...core.geometry.camera import Camera
+from ...core.photos.lens_guess import guess_lens
+from ...core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
+from .. import jobs, photo_camera, photo_image
+from ..job import Job, redraw
+from ..support.texts import iface_, n_, rpt_
+from . import bridge as camera_bridge
 
 PHOTO_PLACES = (".", "images", "../images", "../../images")  # seen from the file: COLMAP's and nerfstudio's habits
 COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")

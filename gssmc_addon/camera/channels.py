@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.errors import CameraError
-from .support.texts import rpt_
+from ...core.errors import CameraError
+from ..support.texts import rpt_
 
 WRITTEN_CHANNELS = ("location", "rotation", "lens", "shift")
 ROTATION_PATHS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}

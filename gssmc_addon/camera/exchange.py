@@ -9,14 +9,15 @@ from pathlib import Path
 
 import bpy
 
-from ..core.cameras import colmap, nerfstudio
-from ..core.cameras.files import camera_to_dict
-from ..core.cameras.training_world import read_training_world
-from ..core.errors import CameraError, DatasetError
-from ..core.geometry.camera import Camera
-from ..core.support.atomic import atomic_write
-from . import camera_bridge, photo_image
-from .support.texts import rpt_
+from ...core.cameras import colmap, nerfstudio
+from ...core.cameras.files import camera_to_dict
+from ...core.cameras.training_world import read_training_world
+from ...core.errors import CameraError, DatasetError
+from ...core.geometry.camera import Camera
+from ...core.support.atomic import atomic_write
+from .. import photo_image
+from ..support.texts import rpt_
+from . import bridge as camera_bridge
 
 
 def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list[tuple[bpy.types.Object, Camera]]:

@@ -8,11 +8,11 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..core.errors import CameraError
-from ..core.geometry import conventions
-from ..core.geometry.camera import Camera, Intrinsics, Pose
-from ..core.geometry.conventions import BlenderLens, Similarity
-from .support.texts import rpt_
+from ...core.errors import CameraError
+from ...core.geometry import conventions
+from ...core.geometry.camera import Camera, Intrinsics, Pose
+from ...core.geometry.conventions import BlenderLens, Similarity
+from ..support.texts import rpt_
 
 DIST_NAMES = ("k1", "k2", "p1", "p2", "k3")
 MATRIX_TOLERANCE = 1e-4  # float32 through a parent's inverse

@@ -1,0 +1,1 @@
+"""Blender cameras: read, written, keyed, brought in and out."""
