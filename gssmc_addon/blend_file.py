@@ -16,8 +16,9 @@ from ..core.geometry.conventions import Orientation
 from ..core.photos.photo import read_photo
 from ..core.pose.report_json import report_to_dict
 from ..core.splats import read_splats
-from . import photo_camera, photo_image, properties, splat_import
+from . import photo_camera, photo_image, properties
 from .camera import bridge as camera_bridge
+from .splat import importer as splat_import
 
 
 def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation | Literal["AUTO"]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import GssmcError, RefineError
-from .splat_copy import SplatCopying
+from .splat.copy import SplatCopying
 from .support.texts import iface_, n_
 from .worker import Failure, Finished, Steps, Worker
 

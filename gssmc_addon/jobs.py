@@ -17,12 +17,13 @@ from ..core.features.frontend import check_choice
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from ..core.render import memory
-from . import mask_source, plate_source, preferences, properties, splat_object
+from . import mask_source, plate_source, preferences, properties
 from .camera import bridge as camera_bridge
 from .camera import channels as camera_channels
 from .job import TICK_S, Job, redraw
-from .splat_copy import SplatCopying
-from .splat_renderer import SplatRenderer
+from .splat import object as splat_object
+from .splat.copy import SplatCopying
+from .splat.renderer import SplatRenderer
 from .support import problem
 from .support.texts import iface_, n_, rpt_
 from .worker import RefineInputs, refinement

@@ -6,8 +6,9 @@ import textwrap
 
 import bpy
 
-from . import jobs, photo_image, preferences, properties, splat_object, viewport_props
+from . import jobs, photo_image, preferences, properties, viewport_props
 from .job import Job
+from .splat import object as splat_object
 from .support.texts import iface_
 
 CATEGORY = "GS-SMC"

@@ -13,11 +13,12 @@ from ..core.errors import RefineError
 from ..core.photos.photo import Photo, read_photo
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
-from . import jobs, photo_camera, photo_image, photo_list, splat_object
+from . import jobs, photo_camera, photo_image, photo_list
 from .job import QueueJob
 from .photo_entry import GssmcPhoto
-from .splat_copy import SplatCopying
-from .splat_renderer import SplatRenderer
+from .splat import object as splat_object
+from .splat.copy import SplatCopying
+from .splat.renderer import SplatRenderer
 from .support.texts import iface_, n_, rpt_
 from .worker import Steps, refinement
 

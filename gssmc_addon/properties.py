@@ -23,7 +23,8 @@ from bpy.props import (
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.presets import PRESETS
 from ..core.pose.settings import RefineSettings, choices
-from . import mask_source, photo_entry, photo_image, preferences, preview_state, splat_object
+from . import mask_source, photo_entry, photo_image, preferences, preview_state
+from .splat import object as splat_object
 from .support.texts import iface_
 
 LIMITS = {

@@ -18,8 +18,8 @@ from ..core.pose.settings import RefineSettings
 from . import jobs, mask_source, plate_source
 from .camera import bridge as camera_bridge
 from .job import QueueJob
-from .splat_copy import SplatCopying
-from .splat_renderer import SplatRenderer
+from .splat.copy import SplatCopying
+from .splat.renderer import SplatRenderer
 from .support.texts import iface_, n_, rpt_
 from .worker import RefineInputs, Steps, refinement
 

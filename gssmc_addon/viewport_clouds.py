@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import SplatFormatError
-from . import splat_object
+from .splat import object as splat_object
 from .viewport_data import SplatTables, build_tables
 from .viewport_gpu import SplatTextures
 from .viewport_thread import BackThread

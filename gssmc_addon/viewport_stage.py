@@ -10,7 +10,8 @@ import bpy
 import gpu
 import numpy as np
 
-from . import splat_object, viewport_props
+from . import viewport_props
+from .splat import object as splat_object
 from .viewport_canvas import Canvas, Depth
 from .viewport_clouds import Clouds
 from .viewport_data import back_to_front, boost_for, order_table

@@ -16,7 +16,7 @@ from ..core.pose.settings import RefineSettings
 from ..core.render.sharing import quick_handover
 from .camera.bridge import CameraCopy
 from .photo_image import PhotoSource
-from .splat_renderer import SplatRenderer
+from .splat.renderer import SplatRenderer
 from .support.texts import sentence
 
 log = logging.getLogger(__name__)

@@ -9,8 +9,11 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
 from ..core.render import memory
-from ..gssmc_addon import panels, preferences, splat_display, splat_import, splat_object, viewport_props
-from ..gssmc_addon.splat_import_job import ImportJob
+from ..gssmc_addon import panels, preferences, viewport_props
+from ..gssmc_addon.splat import display as splat_display
+from ..gssmc_addon.splat import importer as splat_import
+from ..gssmc_addon.splat import object as splat_object
+from ..gssmc_addon.splat.import_job import ImportJob
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import iface_, rpt_
 

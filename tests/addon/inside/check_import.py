@@ -40,7 +40,7 @@ def test_layout_of_native_splats(bpy, tmp_path, degree):
 
 
 def test_complete_after_saving_and_opening(bpy, extension, tmp_path, splat_file):
-    read = extension("gssmc_addon.splat_copy").read_splat
+    read = extension("gssmc_addon.splat.copy").read_splat
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))
     before = read(bpy.context.scene.gssmc.splat)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scan.blend"))
@@ -55,7 +55,7 @@ def test_the_object_holds_what_the_reader_read(bpy, extension, splat_file):
     from core.splats import read_splats
 
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))
-    got = extension("gssmc_addon.splat_copy").read_splat(bpy.context.scene.gssmc.splat)
+    got = extension("gssmc_addon.splat.copy").read_splat(bpy.context.scene.gssmc.splat)
     wanted = read_splats(splat_file)
     for name in ("means", "scales", "rotations", "opacities", "sh"):
         np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
@@ -131,7 +131,7 @@ def foreign_splat(bpy, extension, bands=0, base_type="FLOAT_COLOR"):
     if bpy.app.version < (5, 0) and base_type == "FLOAT4":
         pytest.skip("this Blender has no attributes of four plain floats")
     rng = np.random.default_rng(5)
-    cloud = extension("gssmc_addon.cloud_size").new_cloud("foreign", 20)
+    cloud = extension("gssmc_addon.splat.cloud_size").new_cloud("foreign", 20)
     layout = {"position": ("FLOAT_VECTOR", 3), "scale": ("FLOAT_VECTOR", 3), "rotation": ("QUATERNION", 4)}
     layout |= {"radiance:base": (base_type, 4), **{f"radiance:sh_{k}": ("FLOAT_VECTOR", 3) for k in range(bands)}}
     members = {"FLOAT_VECTOR": "vector", "QUATERNION": "value", "FLOAT_COLOR": "color", "FLOAT4": "vector"}
@@ -150,7 +150,7 @@ def foreign_splat(bpy, extension, bands=0, base_type="FLOAT_COLOR"):
 def test_a_splat_of_another_importer_can_be_picked(bpy, extension, bands, degree, base_type):
     obj, values = foreign_splat(bpy, extension, bands, base_type)
     bpy.context.scene.gssmc.splat = obj
-    scene = extension("gssmc_addon.splat_copy").read_splat(bpy.context.scene.gssmc.splat)
+    scene = extension("gssmc_addon.splat.copy").read_splat(bpy.context.scene.gssmc.splat)
     assert scene.sh_degree == degree
     np.testing.assert_array_equal(scene.means, values["position"])
     np.testing.assert_array_equal(scene.opacities, values["radiance:base"][:, 3])
@@ -160,13 +160,13 @@ def test_a_splat_of_another_importer_can_be_picked(bpy, extension, bands, degree
 
 
 def test_what_is_no_splat_is_told_apart(bpy, extension):
-    splat_object = extension("gssmc_addon.splat_object")
+    splat_object = extension("gssmc_addon.splat.object")
     plain = bpy.data.objects.new("plain", bpy.data.pointclouds.new("plain"))
     mesh = bpy.data.objects.new("mesh", bpy.data.meshes.new("mesh"))
     splat, _ = foreign_splat(bpy, extension)
     assert [splat_object.is_splat(o) for o in (plain, mesh, None, splat)] == [False, False, False, True]
     with pytest.raises(extension("core.errors").SplatFormatError, match="plain"):
-        extension("gssmc_addon.splat_copy").read_splat(plain)
+        extension("gssmc_addon.splat.copy").read_splat(plain)
 
 
 def packed_file(folder, kind):
@@ -197,18 +197,18 @@ def test_packed_formats_come_in_upright_by_their_convention(bpy, extension, tmp_
     from core.splats import read_splats
 
     path = packed_file(tmp_path, kind)
-    assert extension("gssmc_addon.splat_import").describe(str(path)) == words
+    assert extension("gssmc_addon.splat.importer").describe(str(path)) == words
     assert bpy.ops.gssmc.import_splats(filepath=str(path)) == {"FINISHED"}
     obj = bpy.context.scene.gssmc.splat
     bpy.context.view_layer.update()
     assert (obj.matrix_world @ Vector(up) - Vector((0, 0, 1))).length < 1e-6
-    got, wanted = extension("gssmc_addon.splat_copy").read_splat(obj), read_splats(path)
+    got, wanted = extension("gssmc_addon.splat.copy").read_splat(obj), read_splats(path)
     for name in ("means", "scales", "rotations", "opacities", "sh"):
         np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
 
 
 def test_the_dialog_says_why_a_file_cannot_be_imported(extension, tmp_path):
-    describe = extension("gssmc_addon.splat_import").describe
+    describe = extension("gssmc_addon.splat.importer").describe
     (tmp_path / "scene.sog").write_bytes(b"PK\x03\x04" + bytes(80))
     assert "a ZIP archive" in describe(str(tmp_path / "scene.sog"))[0]
     assert describe(str(tmp_path / "nothing"))[0].startswith("Choose a splat file: .ply")

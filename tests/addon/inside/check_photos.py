@@ -62,7 +62,7 @@ def test_a_held_camera_says_so_and_none_refined_is_cancelled(bpy, listed):
 
 def test_the_renderer_is_made_once(bpy, listed, extension, monkeypatch):
     made = []
-    module = extension("gssmc_addon.splat_renderer")
+    module = extension("gssmc_addon.splat.renderer")
     original = module.ProcessRenderer
     monkeypatch.setattr(module, "ProcessRenderer", lambda *args, **how: made.append(args) or original(*args, **how))
     listed.gssmc.photos[2].ticked = False

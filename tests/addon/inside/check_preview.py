@@ -46,7 +46,7 @@ def find(extension, kind):
 
 def test_every_style_makes_a_picture_and_renders_once(bpy, place, extension, monkeypatch):
     scene = set_up(bpy, place)
-    module, made = extension("gssmc_addon.splat_renderer"), []
+    module, made = extension("gssmc_addon.splat.renderer"), []
     original = module.Renderer
     monkeypatch.setattr(module, "Renderer", lambda *args: made.append(args) or original(*args))
     before = [x for row in scene.camera.matrix_world for x in row], scene.camera.data.lens

@@ -239,7 +239,7 @@ def test_opening_a_file_ends_the_job(bpy, scene, extension, tmp_path):
 def copying(scene, extension):
     """A copy that has begun, of a splat with a value that is not finite, as editing tools leave it."""
     scene.gssmc.splat.data.attributes["scale"].data[3].vector = (np.nan, 1, 1)
-    copying = extension("gssmc_addon.splat_copy").SplatCopying(scene.gssmc.splat)
+    copying = extension("gssmc_addon.splat.copy").SplatCopying(scene.gssmc.splat)
     copying.start()
     yield copying
     copying.stop()
@@ -256,7 +256,7 @@ def advance(copying, fraction=1.0):
 
 
 def test_a_copy_in_steps_is_the_copy_at_once(scene, extension, copying):
-    wanted = extension("gssmc_addon.splat_copy").SplatCopying(scene.gssmc.splat).finish().copy()
+    wanted = extension("gssmc_addon.splat.copy").SplatCopying(scene.gssmc.splat).finish().copy()
     assert advance(copying) == 2 * (4 + len(wanted.bands)), "every attribute in a call of its own, read and compared"
     assert copying.advance(0.0)
     got = copying.copy()

@@ -184,7 +184,7 @@ def test_an_import_can_be_stopped(bpy, extension, tmp_path):
     """The thread ends at its next step, and what was made so far goes."""
     from samples import counts, random_gaussians, write_ply
 
-    job_module, importer = extension("gssmc_addon.splat_import_job"), extension("gssmc_addon.splat_import")
+    job_module, importer = extension("gssmc_addon.splat.import_job"), extension("gssmc_addon.splat.importer")
     path = write_ply(tmp_path / "scan.ply", random_gaussians(50_000, 3))
     job = job_module.ImportJob(path, True)
     job.stop()
@@ -368,7 +368,7 @@ def test_an_imported_splat_is_written_in_steps(bpy, extension, splat_file):
 
     from core.splats import read_splats
 
-    job_module, importer = extension("gssmc_addon.splat_import_job"), extension("gssmc_addon.splat_import")
+    job_module, importer = extension("gssmc_addon.splat.import_job"), extension("gssmc_addon.splat.importer")
     read = job_module.ReadSplat.of(extension("core.splats").read_splats(splat_file))
     building = importer.Building("scan", read, importer.Placement())
     seen = []
@@ -377,7 +377,7 @@ def test_an_imported_splat_is_written_in_steps(bpy, extension, splat_file):
     assert seen[0] == 0.0
     assert len([f for f in seen if f > 0]) == 4 + 3 - 1, "SH degree 1: seven attributes, each in a step of its own"
     obj = building.finish(bpy.context, job_module.Look.of(read, False))
-    got = extension("gssmc_addon.splat_copy").read_splat(obj)
+    got = extension("gssmc_addon.splat.copy").read_splat(obj)
     np.testing.assert_array_equal(got.means, read_splats(splat_file).means)
     np.testing.assert_array_equal(got.sh, read_splats(splat_file).sh)
     before = counts(bpy)

@@ -9,9 +9,9 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..core.errors import RefineError, SplatFormatError
-from ..core.splats.scene import SH_COEFFICIENTS, GaussianScene
-from .support.texts import rpt_
+from ...core.errors import RefineError, SplatFormatError
+from ...core.splats.scene import SH_COEFFICIENTS, GaussianScene
+from ..support.texts import rpt_
 
 BASE = "radiance:base"
 SH_PREFIX = "radiance:sh_"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 
-from ..core.render import ProcessRenderer, Renderer, RenderSettings
-from .splat_copy import SplatCopying
+from ...core.render import ProcessRenderer, Renderer, RenderSettings
+from .copy import SplatCopying
 
 
 class SplatRenderer:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core.errors import SplatFormatError
-from ..core.splats.scene import GaussianScene
-from .splat_object import BASE, SH_PREFIX, check_attribute, is_splat, read_attribute, sh_bands
-from .support.texts import n_, rpt_
+from ...core.errors import SplatFormatError
+from ...core.splats.scene import GaussianScene
+from ..support.texts import n_, rpt_
+from .object import BASE, SH_PREFIX, check_attribute, is_splat, read_attribute, sh_bands
 
 SHAPE = (("position", 3), ("scale", 3), ("rotation", 4), (BASE, 4))  # before the SH coefficients
 

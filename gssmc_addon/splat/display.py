@@ -9,8 +9,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..core.splats.scene import GaussianScene
-from .splat_object import BASE
+from ...core.splats.scene import GaussianScene
+from .object import BASE
 
 MATERIAL = "GS-SMC Splat Colour"
 SH_C0 = 0.28209479177387814

@@ -10,14 +10,17 @@ from typing import Literal
 import bpy
 from mathutils import Matrix
 
-from ..core.errors import GssmcError, SplatFormatError
-from ..core.geometry import conventions
-from ..core.geometry.conventions import Orientation
-from ..core.splats import SUFFIXES, inspect_splats
-from ..core.splats.scene import GaussianScene
-from . import cloud_size, splat_display, splat_object, viewport, viewport_props
-from .splat_import_job import Look, ReadSplat
-from .support.texts import iface_, n_, rpt_
+from ...core.errors import GssmcError, SplatFormatError
+from ...core.geometry import conventions
+from ...core.geometry.conventions import Orientation
+from ...core.splats import SUFFIXES, inspect_splats
+from ...core.splats.scene import GaussianScene
+from .. import viewport, viewport_props
+from ..support.texts import iface_, n_, rpt_
+from . import cloud_size
+from . import display as splat_display
+from . import object as splat_object
+from .import_job import Look, ReadSplat
 
 ADDING_S = 0.05
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.errors import Cancelled, GssmcError, SplatFormatError
-from ..core.splats import read_splats
-from ..core.splats.scene import GaussianScene
-from . import splat_display, viewport_clouds
-from .support.texts import n_, rpt_, sentence
+from ...core.errors import Cancelled, GssmcError, SplatFormatError
+from ...core.splats import read_splats
+from ...core.splats.scene import GaussianScene
+from .. import viewport_clouds
+from ..support.texts import n_, rpt_, sentence
+from . import display as splat_display
 
 log = logging.getLogger(__name__)
 

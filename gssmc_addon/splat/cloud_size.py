@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.errors import SplatFormatError
-from .support.texts import rpt_
+from ...core.errors import SplatFormatError
+from ..support.texts import rpt_
 
 
 def new_cloud(name: str, count: int) -> bpy.types.PointCloud:

@@ -1,0 +1,1 @@
+"""Splat objects: made from files, copied out, prepared for rendering."""
