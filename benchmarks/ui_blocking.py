@@ -49,7 +49,7 @@ class Beat:
         self._last, self._largest, self._own, self._largest_own, self._depth = time.perf_counter(), 0.0, 0.0, 0.0, 0
         self._slow_at = self._last
         bpy.app.timers.register(self._tick, persistent=True)
-        jobs, stage = module("gssmc_addon.jobs"), module("gssmc_addon.viewport_stage").Stage
+        jobs, stage = module("gssmc_addon.jobs"), module("gssmc_addon.viewport.stage").Stage
         panels, photos = module("gssmc_addon.panels"), module("gssmc_addon.photo_panel")
         for owner, names in (
             (stage, ("draw", "tick")),
@@ -138,7 +138,7 @@ def until(condition, what: str) -> Iterator[float]:
 
 
 def views() -> list:
-    return list(module("gssmc_addon.viewport")._slot.stage._views.values())
+    return list(module("gssmc_addon.viewport.handlers")._slot.stage._views.values())
 
 
 def shown() -> bool:

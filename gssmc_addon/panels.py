@@ -6,10 +6,11 @@ import textwrap
 
 import bpy
 
-from . import jobs, photo_image, preferences, properties, viewport_props
+from . import jobs, photo_image, preferences, properties
 from .job import Job
 from .splat import object as splat_object
 from .support.texts import iface_
+from .viewport import props as viewport_props
 
 CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4

@@ -9,13 +9,14 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
 from ..core.render import memory
-from ..gssmc_addon import panels, preferences, viewport_props
+from ..gssmc_addon import panels, preferences
 from ..gssmc_addon.splat import display as splat_display
 from ..gssmc_addon.splat import importer as splat_import
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.splat.import_job import ImportJob
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import iface_, rpt_
+from ..gssmc_addon.viewport import props as viewport_props
 
 ORIENTATION_ITEMS = (
     ("AUTO", "By Format", "What the file's format means, or the file declares: .ply and .splat y down, .spz y up"),

@@ -12,8 +12,8 @@ import numpy as np
 from ...core.errors import Cancelled, GssmcError, SplatFormatError
 from ...core.splats import read_splats
 from ...core.splats.scene import GaussianScene
-from .. import viewport_clouds
 from ..support.texts import n_, rpt_, sentence
+from ..viewport import clouds as viewport_clouds
 from . import display as splat_display
 
 log = logging.getLogger(__name__)

@@ -15,8 +15,9 @@ from ...core.geometry import conventions
 from ...core.geometry.conventions import Orientation
 from ...core.splats import SUFFIXES, inspect_splats
 from ...core.splats.scene import GaussianScene
-from .. import viewport, viewport_props
 from ..support.texts import iface_, n_, rpt_
+from ..viewport import handlers as viewport
+from ..viewport import props as viewport_props
 from . import cloud_size
 from . import display as splat_display
 from . import object as splat_object

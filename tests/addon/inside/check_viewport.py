@@ -62,7 +62,7 @@ def picture(gpu, extension, scene, camera, depth=None, slices=1, model=None):
     """The viewport's shader over an offscreen buffer: (H, W, 4), premultiplied."""
     from mathutils import Matrix
 
-    data, drawer = extension("gssmc_addon.viewport_data"), extension("gssmc_addon.viewport_gpu")
+    data, drawer = extension("gssmc_addon.viewport.data"), extension("gssmc_addon.viewport.gpu")
     size = camera.intrinsics.width, camera.intrinsics.height
     view, projection = matrices(camera)
     view = view @ (model or Matrix.Identity(4))
@@ -140,7 +140,7 @@ def test_broken_gaussians_are_drawn_nowhere(drawing, extension, room):
 
 
 def test_back_to_front(extension):
-    back_to_front = extension("gssmc_addon.viewport_data").back_to_front
+    back_to_front = extension("gssmc_addon.viewport.data").back_to_front
     means = np.random.default_rng(3).normal(size=(500, 3)).astype(np.float32)
     direction = np.array([0.6, 0.0, -0.8])
     order = back_to_front(means, direction).astype(int)
@@ -163,7 +163,7 @@ def test_shown_as_points_where_nobody_draws_splats(bpy, splat_file):
 
 
 def test_shown_as_splats_where_the_window_draws_them(bpy, extension, splat_file, monkeypatch):
-    props = extension("gssmc_addon.viewport_props")
+    props = extension("gssmc_addon.viewport.props")
     monkeypatch.setitem(props._state, "drawable", True)
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))
     obj = bpy.context.scene.gssmc.splat
@@ -205,7 +205,7 @@ def test_an_import_can_be_stopped(bpy, extension, tmp_path):
 
 
 def test_a_point_cloud_is_read_again_only_when_it_changed(bpy, extension, splat_file):
-    clouds, threads = extension("gssmc_addon.viewport_clouds"), extension("gssmc_addon.viewport_thread")
+    clouds, threads = extension("gssmc_addon.viewport.clouds"), extension("gssmc_addon.viewport.thread")
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))
     block = bpy.context.scene.gssmc.splat.data
     thread = threads.BackThread()
@@ -235,7 +235,7 @@ def test_a_point_cloud_is_read_again_only_when_it_changed(bpy, extension, splat_
 
 
 def test_the_thread_outlives_work_that_breaks(extension):
-    thread = extension("gssmc_addon.viewport_thread").BackThread()
+    thread = extension("gssmc_addon.viewport.thread").BackThread()
     thread.ask("bad", lambda: 1 / 0)
     thread.ask("good", lambda: 2)
     found = []
@@ -251,7 +251,7 @@ def test_the_thread_outlives_work_that_breaks(extension):
 
 
 def test_slow_machines_get_less_to_do(extension):
-    lod = extension("gssmc_addon.viewport_lod")
+    lod = extension("gssmc_addon.viewport.lod")
     slow, fast = lod.Budget(True), lod.Budget(False)
     for _ in range(30):
         slow.moved(slow.moving, 0.5)
@@ -278,7 +278,7 @@ def pictures(budget, limit, seconds_each):
 
 
 def test_the_first_picture_is_small_and_a_fast_card_is_there_soon(extension):
-    lod = extension("gssmc_addon.viewport_lod")
+    lod = extension("gssmc_addon.viewport.lod")
     for software in (False, True):  # not every software GL says its name
         assert lod.Budget(software).moving <= 10_000
     fast = pictures(lod.Budget(False), 900_000, 1e-9)
@@ -295,14 +295,14 @@ def test_the_first_picture_is_small_and_a_fast_card_is_there_soon(extension):
 
 def drawn_room(extension, room, camera):
     """Painter, what it is to draw, and the viewport's empty depth, for a canvas."""
-    data, drawer = extension("gssmc_addon.viewport_data"), extension("gssmc_addon.viewport_gpu")
+    data, drawer = extension("gssmc_addon.viewport.data"), extension("gssmc_addon.viewport.gpu")
     view, projection = matrices(camera)
     tables = data.build_tables(room.means, room.scales, room.rotations, base_of(room), 10**8)
     textures = drawer.SplatTextures(tables)
     while not textures.send_next():
         pass
     order = drawer.texture(data.order_table(data.back_to_front(tables.means, np.array(view.row[2][:3]))))
-    depth = extension("gssmc_addon.viewport_canvas").Depth()
+    depth = extension("gssmc_addon.viewport.canvas").Depth()
     depth.values = np.ones((camera.intrinsics.height, camera.intrinsics.width), np.float32)
     return drawer.Painter(), drawer.SplatDraw(textures, order, tables.count, 1.0, view, projection, 0), depth
 
@@ -323,7 +323,7 @@ def test_a_resting_picture_grows_between_redraws(drawing, extension, room):
     camera = sample_cameras()[2]
     size = camera.intrinsics.width, camera.intrinsics.height
     painter, draw, depth = drawn_room(extension, room, camera)
-    budget, canvas = extension("gssmc_addon.viewport_lod").Budget(True), extension("gssmc_addon.viewport_canvas").Canvas()
+    budget, canvas = extension("gssmc_addon.viewport.lod").Budget(True), extension("gssmc_addon.viewport.canvas").Canvas()
     canvas.paint(painter, draw, depth, budget, moving=False)
     assert canvas.working
     assert not canvas.shows, "nothing half done is shown"
@@ -339,10 +339,10 @@ def test_a_resting_picture_grows_between_redraws(drawing, extension, room):
 def test_only_the_first_picture_of_a_moving_view_takes_its_time(drawing, extension, room):
     """In slices, for nobody knows yet how long drawing takes; the next is drawn at once, be the first complete or not."""
     painter, draw, depth = drawn_room(extension, room, sample_cameras()[2])
-    budget = extension("gssmc_addon.viewport_lod").Budget(True)
+    budget = extension("gssmc_addon.viewport.lod").Budget(True)
     turned = replace(draw, stamp=1)
     for complete in (True, False):
-        canvas, measured = extension("gssmc_addon.viewport_canvas").Canvas(), []
+        canvas, measured = extension("gssmc_addon.viewport.canvas").Canvas(), []
         budget.moved = lambda drawn, seconds, measured=measured: measured.append(drawn)
         canvas.paint(painter, draw, depth, budget, moving=True)
         assert canvas.working
@@ -391,7 +391,7 @@ def test_an_imported_splat_is_written_in_steps(bpy, extension, splat_file):
 
 def test_a_photo_before_the_camera_is_not_hidden(bpy, extension):
     """The share of the viewport's opacity that splats may take."""
-    share = extension("gssmc_addon.viewport_stage")._share
+    share = extension("gssmc_addon.viewport.stage")._share
     slot = SimpleNamespace(display_depth="FRONT", show_background_image=True, image=object(), alpha=0.25)
     data = SimpleNamespace(show_background_images=True, background_images=[slot])
     shading = SimpleNamespace(type="SOLID", show_xray=False, xray_alpha=0.5)

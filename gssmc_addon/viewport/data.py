@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.render.project import ascending_order
-from ..core.render.view import INRIA_NEAR, NEAR_RATIO
-from ..core.splats.activate import SH_C0
+from ...core.render.project import ascending_order
+from ...core.render.view import INRIA_NEAR, NEAR_RATIO
+from ...core.splats.activate import SH_C0
 
 TABLE_WIDTH = 4096  # texels; a height of 16384 then holds 67 million Gaussians
 CHUNK = 1 << 17

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core.errors import SplatFormatError
-from .splat import object as splat_object
-from .viewport_data import SplatTables, build_tables
-from .viewport_gpu import SplatTextures
-from .viewport_thread import BackThread
+from ...core.errors import SplatFormatError
+from ..splat import object as splat_object
+from .data import SplatTables, build_tables
+from .gpu import SplatTextures
+from .thread import BackThread
 
 ATTRIBUTES = (("position", 3), ("scale", 3), ("rotation", 4), (splat_object.BASE, 4))
 LIMIT = 4096 * 16384  # what tables of the usual largest texture hold

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty
 
-from .splat import object as splat_object
+from ..splat import object as splat_object
 
 MAX_SHOWN = 1_000_000
 SHOW_ITEMS = (

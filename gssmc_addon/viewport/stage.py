@@ -10,14 +10,14 @@ import bpy
 import gpu
 import numpy as np
 
-from . import viewport_props
-from .splat import object as splat_object
-from .viewport_canvas import Canvas, Depth
-from .viewport_clouds import Clouds
-from .viewport_data import back_to_front, boost_for, order_table
-from .viewport_gpu import Painter, SplatDraw, SplatTextures, is_software, texture
-from .viewport_lod import Budget
-from .viewport_thread import BackThread
+from ..splat import object as splat_object
+from . import props as viewport_props
+from .canvas import Canvas, Depth
+from .clouds import Clouds
+from .data import back_to_front, boost_for, order_table
+from .gpu import Painter, SplatDraw, SplatTextures, is_software, texture
+from .lod import Budget
+from .thread import BackThread
 
 TICK_S = 0.01
 SEND_S = 0.03  # of a tick, for sending tables; one table may exceed it

@@ -15,8 +15,8 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
-from ..core.render.constants import LOWPASS_PX2
-from .viewport_data import TABLE_WIDTH, SplatTables
+from ...core.render.constants import LOWPASS_PX2
+from .data import TABLE_WIDTH, SplatTables
 
 SHADERS = Path(__file__).parent / "shaders"
 SQUARE = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))

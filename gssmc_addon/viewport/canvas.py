@@ -12,8 +12,8 @@ from typing import Any
 import gpu
 import numpy as np
 
-from .viewport_gpu import Ground, Painter, SplatDraw, texture
-from .viewport_lod import Budget
+from .gpu import Ground, Painter, SplatDraw, texture
+from .lod import Budget
 
 Size = tuple[int, int]
 

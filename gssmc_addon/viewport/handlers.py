@@ -10,9 +10,9 @@ from typing import Any
 
 import bpy
 
-from . import viewport_props
-from .viewport_clouds import Prepared
-from .viewport_stage import Stage
+from . import props as viewport_props
+from .clouds import Prepared
+from .stage import Stage
 
 log = logging.getLogger(__name__)
 UNDRAWABLE = "Splats cannot be drawn with this graphics card; they are shown as points"

@@ -1,0 +1,1 @@
+"""Splats drawn in the 3D viewports."""
