@@ -50,7 +50,7 @@ class Beat:
         self._slow_at = self._last
         bpy.app.timers.register(self._tick, persistent=True)
         jobs, stage = module("gssmc_addon.jobs"), module("gssmc_addon.viewport.stage").Stage
-        panels, photos = module("gssmc_addon.panels"), module("gssmc_addon.photo_panel")
+        panels, photos = module("gssmc_addon.panels"), module("gssmc_addon.photo.panel")
         for owner, names in (
             (stage, ("draw", "tick")),
             (module("operators.import_splats").GSSMC_OT_import_splats, ("execute", "modal")),

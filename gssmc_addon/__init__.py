@@ -25,7 +25,8 @@ from ..operators import (
     set_mask,
     undistort_photo,
 )
-from . import cli, flicker, jobs, menus, panels, photo_panel, plate_panel, preferences, preview_panel, properties
+from . import cli, flicker, jobs, menus, panels, plate_panel, preferences, preview_panel, properties
+from .photo import panel as photo_panel
 from .viewport import handlers as viewport
 
 _class_modules = (

@@ -6,8 +6,9 @@ import textwrap
 
 import bpy
 
-from . import jobs, photo_image, preferences, properties
+from . import jobs, preferences, properties
 from .job import Job
+from .photo import image as photo_image
 from .splat import object as splat_object
 from .support.texts import iface_
 from .viewport import props as viewport_props

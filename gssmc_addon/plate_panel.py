@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from . import jobs, panels, photo_image
+from . import jobs, panels
+from .photo import image as photo_image
 from .plate_source import MOVING
 from .support.texts import iface_
 

@@ -10,8 +10,8 @@ import bpy
 from ..core.errors import PhotoError
 from ..core.photos.photo import Photo
 from ..core.photos.plate import DIGITS, Plate, open_plate
-from . import photo_image
-from .photo_image import PhotoSource
+from .photo import image as photo_image
+from .photo.image import PhotoSource
 from .support.texts import rpt_
 
 MOVING = ("SEQUENCE", "MOVIE")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from . import jobs, panels, photo_image, preview_options
+from . import jobs, panels, preview_options
+from .photo import image as photo_image
 
 
 class GSSMC_PT_preview(panels._Sidebar, bpy.types.Panel):

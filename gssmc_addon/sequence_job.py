@@ -15,9 +15,10 @@ from ..core.pose import sequence
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.sequence import FramePose
 from ..core.pose.settings import RefineSettings
-from . import jobs, mask_source, plate_source
+from . import jobs, plate_source
 from .camera import bridge as camera_bridge
 from .job import QueueJob
+from .photo import mask as mask_source
 from .splat.copy import SplatCopying
 from .splat.renderer import SplatRenderer
 from .support.texts import iface_, n_, rpt_

@@ -6,7 +6,9 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ..gssmc_addon import photo_camera, photo_image, photo_list
+from ..gssmc_addon.photo import camera as photo_camera
+from ..gssmc_addon.photo import image as photo_image
+from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.operator_parts import FromFile, PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 

@@ -4,8 +4,8 @@ import bpy
 from bpy.props import BoolProperty
 from mathutils import Matrix
 
-from ..gssmc_addon import photo_camera
 from ..gssmc_addon.camera import channels as camera_channels
+from ..gssmc_addon.photo import camera as photo_camera
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 

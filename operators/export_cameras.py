@@ -6,8 +6,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from ..gssmc_addon import photo_image
 from ..gssmc_addon.camera import exchange as camera_exchange
+from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 

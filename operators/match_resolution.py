@@ -3,8 +3,9 @@
 import bpy
 
 from ..core.errors import PhotoError
-from ..gssmc_addon import photo_camera, photo_image
 from ..gssmc_addon.camera import bridge as camera_bridge
+from ..gssmc_addon.photo import camera as photo_camera
+from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.support.operator_parts import OfPhoto
 from ..gssmc_addon.support.texts import rpt_
 

@@ -3,8 +3,9 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ..gssmc_addon import photo_image, photo_list
 from ..gssmc_addon.job_operator import Idle, Reporter
+from ..gssmc_addon.photo import image as photo_image
+from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.texts import rpt_
 
 

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, IntProperty
 
-from ..gssmc_addon import photo_list
+from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.texts import tip_
 
 

@@ -4,8 +4,8 @@ import bpy
 
 from ..core.errors import CameraError
 from ..core.photos.undistort import undistorted
-from ..gssmc_addon import photo_image
 from ..gssmc_addon.camera import bridge as camera_bridge
+from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.support.operator_parts import OfPhoto
 from ..gssmc_addon.support.texts import rpt_
 

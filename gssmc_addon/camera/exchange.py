@@ -15,7 +15,7 @@ from ...core.cameras.training_world import read_training_world
 from ...core.errors import CameraError, DatasetError
 from ...core.geometry.camera import Camera
 from ...core.support.atomic import atomic_write
-from .. import photo_image
+from ..photo import image as photo_image
 from ..support.texts import rpt_
 from . import bridge as camera_bridge
 

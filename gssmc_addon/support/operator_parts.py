@@ -6,8 +6,8 @@ import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import GssmcError
-from .. import photo_image
 from ..job_operator import AskingJobOperator, Reporter
+from ..photo import image as photo_image
 
 
 class PlainOperator(Reporter):

@@ -179,7 +179,7 @@ def test_exporting_nothing_or_one_photo_twice_is_refused(bpy, scene, tmp_path):
 
 
 def test_the_view_becomes_the_start(bpy, scene, extension):
-    view = extension("gssmc_addon.photo_camera").find_view(bpy.context)
+    view = extension("gssmc_addon.photo.camera").find_view(bpy.context)
     if view is None:
         pytest.skip("this Blender has no viewport in background mode")
     view = view.region

@@ -129,8 +129,8 @@ def test_a_photo_that_exif_turns_is_masked_as_it_is_seen(bpy, extension, tmp_pat
     bpy.ops.gssmc.add_photo(filepath=str(tmp_path / "photos" / "a.jpg"), camera="NEW")
     assert bpy.ops.gssmc.set_masks(directory=str(tmp_path / "masks")) == {"FINISHED"}
     scene = bpy.context.scene
-    source = extension("gssmc_addon.mask_source")
-    photo = extension("gssmc_addon.photo_image").photo_source(scene.camera.data.gssmc.photo)
+    source = extension("gssmc_addon.photo.mask")
+    photo = extension("gssmc_addon.photo.image").photo_source(scene.camera.data.gssmc.photo)
     white = source.masked(photo, source.of(scene.camera)).read().mask
     assert white.shape == (60, 90)
     assert not white[:30, :22].any()

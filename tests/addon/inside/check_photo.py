@@ -227,7 +227,7 @@ def test_an_exr_photo_is_read_by_blender_and_handed_to_the_engine(bpy, extension
     camera = bpy.context.scene.camera
     image = camera.data.background_images[0].image
     assert tuple(image.size) == (60, 40)
-    photo = extension("gssmc_addon.photo_image").photo_source(image).read()
+    photo = extension("gssmc_addon.photo.image").photo_source(image).read()
     assert (photo.width, photo.height) == (60, 40)
     assert photo.pixels[5, 50, 0] < 30  # the top is blue-green, and on top
     assert photo.pixels[35, 50, 0] > 200

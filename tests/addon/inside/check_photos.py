@@ -147,7 +147,7 @@ def test_add_photo_puts_its_camera_on_the_list(bpy, tmp_path):
 
 def rows(bpy, extension):
     """What each line of the list says, and what the box below it says of the picked one."""
-    panel, own = extension("gssmc_addon.photo_panel"), bpy.context.scene.gssmc
+    panel, own = extension("gssmc_addon.photo.panel"), bpy.context.scene.gssmc
     said = []
     for entry in own.photos:
         layout = Layout()
@@ -175,7 +175,7 @@ def test_what_is_wrong_stands_below_the_list_in_full(bpy, listed, extension):
 
 def test_progress_names_the_photo_as_it_is(bpy, listed, extension):
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
-    job, layout = extension("gssmc_addon.photo_queue").queue(listed, "ALL", settings), Layout()
+    job, layout = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings), Layout()
     job.index = 1
     job.begin_item(1)
     extension("gssmc_addon.panels")._draw_progress(layout, job)
@@ -185,7 +185,7 @@ def test_progress_names_the_photo_as_it_is(bpy, listed, extension):
 def test_a_stopped_queue_keeps_what_is_done(bpy, listed, extension):
     """Driven by hand as the window's timer does it."""
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
-    job = extension("gssmc_addon.photo_queue").queue(listed, "ALL", settings)
+    job = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings)
     job.start()
     while job.index < 1:  # the splat is copied, the first photo refined
         job.tick()
@@ -210,7 +210,7 @@ def test_photos_do_not_pile_up_in_memory(bpy, listed):
 
 def test_a_queue_ends_with_its_splat(bpy, listed, extension):
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
-    job = extension("gssmc_addon.photo_queue").queue(listed, "ALL", settings)
+    job = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings)
     job.start()
     bpy.data.objects.remove(listed.gssmc.splat)
     with pytest.raises(extension("core.errors").RefineError, match="removed"):

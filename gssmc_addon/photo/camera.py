@@ -7,16 +7,17 @@ from pathlib import Path
 
 import bpy
 
-from ..core.cameras.files import read_starts
-from ..core.errors import CameraError
-from ..core.geometry import conventions
-from ..core.geometry.camera import Camera, Intrinsics
-from ..core.photos.lens_guess import guess_lens
-from ..core.photos.photo import Photo, check_size
-from . import photo_image, properties
-from .camera import bridge as camera_bridge
-from .camera import channels as camera_channels
-from .support.texts import rpt_
+from ...core.cameras.files import read_starts
+from ...core.errors import CameraError
+from ...core.geometry import conventions
+from ...core.geometry.camera import Camera, Intrinsics
+from ...core.photos.lens_guess import guess_lens
+from ...core.photos.photo import Photo, check_size
+from .. import properties
+from ..camera import bridge as camera_bridge
+from ..camera import channels as camera_channels
+from ..support.texts import rpt_
+from . import image as photo_image
 
 DEFAULT_LENS_MM = 35.0  # on Blender's sensor of 36 mm, as DEFAULT_FOV_DEG of core.photos.lens_guess
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know

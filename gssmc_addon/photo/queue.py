@@ -9,18 +9,21 @@ from pathlib import Path
 
 import bpy
 
-from ..core.errors import RefineError
-from ..core.photos.photo import Photo, read_photo
-from ..core.pose.report import RefineProgress, RefineReport
-from ..core.pose.settings import RefineSettings
-from . import jobs, photo_camera, photo_image, photo_list
-from .job import QueueJob
-from .photo_entry import GssmcPhoto
-from .splat import object as splat_object
-from .splat.copy import SplatCopying
-from .splat.renderer import SplatRenderer
-from .support.texts import iface_, n_, rpt_
-from .worker import Steps, refinement
+from ...core.errors import RefineError
+from ...core.photos.photo import Photo, read_photo
+from ...core.pose.report import RefineProgress, RefineReport
+from ...core.pose.settings import RefineSettings
+from .. import jobs
+from ..job import QueueJob
+from ..splat import object as splat_object
+from ..splat.copy import SplatCopying
+from ..splat.renderer import SplatRenderer
+from ..support.texts import iface_, n_, rpt_
+from ..worker import Steps, refinement
+from . import camera as photo_camera
+from . import image as photo_image
+from . import list as photo_list
+from .entry import GssmcPhoto
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".exr")
 COUNTED = {"trusted": n_("{count} trusted"), "check": n_("{count} check"), "failed": n_("{count} failed")}

@@ -24,6 +24,6 @@ class GssmcPhoto(bpy.types.PropertyGroup):
 
 def picked(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """A line of the list was clicked: its camera becomes the one that is looked through."""
-    from . import photo_list  # it needs the properties, which need this module
+    from . import list as photo_list  # it needs the properties, which need this module
 
     photo_list.show(context, self.id_data)

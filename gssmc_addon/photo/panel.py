@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from . import jobs, panels, photo_list, properties
-from .photo_entry import GssmcPhoto
-from .support.texts import iface_
+from .. import jobs, panels, properties
+from ..support.texts import iface_
+from . import list as photo_list
+from .entry import GssmcPhoto
 
 ROWS = 4
 

@@ -6,9 +6,10 @@ import bpy
 import cv2
 import numpy as np
 
-from ..core.photos.photo import Photo
-from . import photo_camera, photo_image
-from .photo_entry import GssmcPhoto
+from ...core.photos.photo import Photo
+from . import camera as photo_camera
+from . import image as photo_image
+from .entry import GssmcPhoto
 
 THUMBNAIL_PX = 64
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..core.errors import PhotoError
-from ..core.photos.exif import read_exif
-from ..core.photos.linear import photo_from_linear
-from ..core.photos.photo import Photo, read_photo
-from ..core.photos.size import EXR_SIGNATURE
-from .support.texts import rpt_
+from ...core.errors import PhotoError
+from ...core.photos.exif import read_exif
+from ...core.photos.linear import photo_from_linear
+from ...core.photos.photo import Photo, read_photo
+from ...core.photos.size import EXR_SIGNATURE
+from ..support.texts import rpt_
 
 FILE_KEY = "gssmc_file"
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..core.errors import PhotoError
-from ..core.photos.mask import WHITE, with_mask
-from ..core.photos.photo import Photo
-from . import photo_image
-from .photo_image import PhotoSource
-from .plate_source import FrameSource
-from .support.texts import rpt_
+from ...core.errors import PhotoError
+from ...core.photos.mask import WHITE, with_mask
+from ...core.photos.photo import Photo
+from ..plate_source import FrameSource
+from ..support.texts import rpt_
+from . import image as photo_image
+from .image import PhotoSource
 
 SINGLE = ("FILE", "GENERATED")  # sources of an image that is one picture
 

@@ -1,0 +1,1 @@
+"""Photographs in Blender: their images, cameras, masks and the list of them."""
