@@ -25,8 +25,9 @@ from ..operators import (
     set_mask,
     undistort_photo,
 )
-from . import cli, flicker, jobs, menus, panels, plate_panel, preferences, preview_panel, properties
+from . import cli, flicker, jobs, menus, panels, preferences, preview_panel, properties
 from .photo import panel as photo_panel
+from .plate import panel as plate_panel
 from .viewport import handlers as viewport
 
 _class_modules = (

@@ -17,11 +17,12 @@ from ..core.features.frontend import check_choice
 from ..core.pose.report import RefineProgress, RefineReport
 from ..core.pose.settings import RefineSettings
 from ..core.render import memory
-from . import plate_source, preferences, properties
+from . import preferences, properties
 from .camera import bridge as camera_bridge
 from .camera import channels as camera_channels
 from .job import TICK_S, Job, redraw
 from .photo import mask as mask_source
+from .plate import source as plate_source
 from .splat import object as splat_object
 from .splat.copy import SplatCopying
 from .splat.renderer import SplatRenderer

@@ -18,13 +18,14 @@ from ..core.pictures.compare import Comparison, DrawnMatches, Image
 from ..core.pose.settings import RefineSettings
 from ..core.render import Renderer
 from ..core.render.view import RenderedView
-from . import plate_source, preview_images, preview_options
+from . import preview_images, preview_options
 from .camera import bridge as camera_bridge
 from .camera.bridge import CameraCopy
 from .job import Job
 from .photo import image as photo_image
 from .photo import mask as mask_source
 from .photo.image import PhotoSource
+from .plate import source as plate_source
 from .splat import object as splat_object
 from .splat.copy import SplatCopying
 from .splat.renderer import SplatRenderer

@@ -7,10 +7,10 @@ from bpy.props import BoolProperty, StringProperty
 
 from ..core.errors import CameraError, GssmcError
 from ..core.photos.mask import find_mask
-from ..gssmc_addon import plate_source
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.photo import mask as mask_source
+from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.support.operator_parts import FromFile, PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 

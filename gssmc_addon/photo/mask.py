@@ -10,7 +10,7 @@ import numpy as np
 from ...core.errors import PhotoError
 from ...core.photos.mask import WHITE, with_mask
 from ...core.photos.photo import Photo
-from ..plate_source import FrameSource
+from ..plate.source import FrameSource
 from ..support.texts import rpt_
 from . import image as photo_image
 from .image import PhotoSource

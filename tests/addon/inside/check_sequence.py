@@ -142,7 +142,7 @@ def test_refusals_are_sentences_and_change_nothing(bpy, plate, tmp_path):
 
 def test_a_movie_clip_behind_the_camera_counts_as_blender_counts(bpy, plate, extension, tmp_path):
     scene = set_up(bpy, plate)
-    moving_photo = extension("gssmc_addon.plate_source").moving_photo
+    moving_photo = extension("gssmc_addon.plate.source").moving_photo
     assert moving_photo(scene.camera).scene_range == (1, COUNT)
     user = scene.camera.data.background_images[0].image_user
     user.frame_start, user.frame_duration = 101, 4

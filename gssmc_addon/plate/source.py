@@ -7,12 +7,12 @@ from pathlib import Path
 
 import bpy
 
-from ..core.errors import PhotoError
-from ..core.photos.photo import Photo
-from ..core.photos.plate import DIGITS, Plate, open_plate
-from .photo import image as photo_image
-from .photo.image import PhotoSource
-from .support.texts import rpt_
+from ...core.errors import PhotoError
+from ...core.photos.photo import Photo
+from ...core.photos.plate import DIGITS, Plate, open_plate
+from ..photo import image as photo_image
+from ..photo.image import PhotoSource
+from ..support.texts import rpt_
 
 MOVING = ("SEQUENCE", "MOVIE")
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from . import jobs, panels
-from .photo import image as photo_image
-from .plate_source import MOVING
-from .support.texts import iface_
+from .. import jobs, panels
+from ..photo import image as photo_image
+from ..support.texts import iface_
+from .source import MOVING
 
 
 class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
