@@ -25,9 +25,11 @@ from ..operators import (
     set_mask,
     undistort_photo,
 )
-from . import cli, flicker, jobs, menus, panels, preferences, preview_panel, properties
+from . import cli, jobs, menus, panels, preferences, properties
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
+from .preview import flicker
+from .preview import panel as preview_panel
 from .viewport import handlers as viewport
 
 _class_modules = (

@@ -23,10 +23,11 @@ from bpy.props import (
 from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..core.pose.presets import PRESETS
 from ..core.pose.settings import RefineSettings, choices
-from . import preferences, preview_state
+from . import preferences
 from .photo import entry as photo_entry
 from .photo import image as photo_image
 from .photo import mask as mask_source
+from .preview import state as preview_state
 from .splat import object as splat_object
 from .support.texts import iface_
 

@@ -4,8 +4,11 @@ import bpy
 from bpy.props import StringProperty
 
 from ..core.errors import RefineError
-from ..gssmc_addon import preview_images, preview_job, preview_options, properties
+from ..gssmc_addon import properties
 from ..gssmc_addon.job_operator import JobOperator
+from ..gssmc_addon.preview import images as preview_images
+from ..gssmc_addon.preview import job as preview_job
+from ..gssmc_addon.preview import options as preview_options
 from ..gssmc_addon.support.texts import rpt_
 
 

@@ -41,7 +41,7 @@ def pixels(image):
 
 
 def find(extension, kind):
-    return extension("gssmc_addon.preview_images").find(kind)
+    return extension("gssmc_addon.preview.images").find(kind)
 
 
 def test_every_style_makes_a_picture_and_renders_once(bpy, place, extension, monkeypatch):
@@ -158,7 +158,7 @@ def test_refusals_are_sentences_and_change_nothing(bpy, place):
 
 def test_a_cancelled_preview_stops_soon(bpy, place, extension):
     scene = set_up(bpy, place)
-    preview = extension("gssmc_addon.preview_job")
+    preview = extension("gssmc_addon.preview.job")
     options = preview.PreviewOptions("RENDER", 0.5, 8192)
     job = preview.gather(bpy.context, scene.camera, options, extension("core.pose.settings").RefineSettings())
     job.start()

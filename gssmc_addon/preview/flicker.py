@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import preview_images
+from . import images as preview_images
 
 INTERVAL_S = 0.5
 

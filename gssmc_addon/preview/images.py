@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
-from ..core.pictures.compare import Comparison, Image, decode_png, encode_png
+from ...core.pictures.compare import Comparison, Image, decode_png, encode_png
 
 MARK, KEY = "gssmc_preview", "gssmc_key"
 NAMES = {"picture": "GS-SMC Preview", "photo": "GS-SMC Photo", "render": "GS-SMC Render"}

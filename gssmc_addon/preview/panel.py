@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import jobs, panels, preview_options
-from .photo import image as photo_image
+from .. import jobs, panels
+from ..photo import image as photo_image
+from . import options as preview_options
 
 
 class GSSMC_PT_preview(panels._Sidebar, bpy.types.Panel):

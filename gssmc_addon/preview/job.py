@@ -10,27 +10,28 @@ from functools import partial
 import bpy
 import numpy as np
 
-from ..core.errors import GssmcError, RefineError
-from ..core.geometry.camera import Camera, Intrinsics, Pose
-from ..core.photos.photo import Photo, check_size
-from ..core.pictures import compare as compare_pictures
-from ..core.pictures.compare import Comparison, DrawnMatches, Image
-from ..core.pose.settings import RefineSettings
-from ..core.render import Renderer
-from ..core.render.view import RenderedView
-from . import preview_images, preview_options
-from .camera import bridge as camera_bridge
-from .camera.bridge import CameraCopy
-from .job import Job
-from .photo import image as photo_image
-from .photo import mask as mask_source
-from .photo.image import PhotoSource
-from .plate import source as plate_source
-from .splat import object as splat_object
-from .splat.copy import SplatCopying
-from .splat.renderer import SplatRenderer
-from .support.texts import n_, rpt_
-from .worker import Steps
+from ...core.errors import GssmcError, RefineError
+from ...core.geometry.camera import Camera, Intrinsics, Pose
+from ...core.photos.photo import Photo, check_size
+from ...core.pictures import compare as compare_pictures
+from ...core.pictures.compare import Comparison, DrawnMatches, Image
+from ...core.pose.settings import RefineSettings
+from ...core.render import Renderer
+from ...core.render.view import RenderedView
+from ..camera import bridge as camera_bridge
+from ..camera.bridge import CameraCopy
+from ..job import Job
+from ..photo import image as photo_image
+from ..photo import mask as mask_source
+from ..photo.image import PhotoSource
+from ..plate import source as plate_source
+from ..splat import object as splat_object
+from ..splat.copy import SplatCopying
+from ..splat.renderer import SplatRenderer
+from ..support.texts import n_, rpt_
+from ..worker import Steps
+from . import images as preview_images
+from . import options as preview_options
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,7 @@ def _steps(inputs: PreviewInputs, stopped: Callable[[], bool]) -> Steps:
         pair = Comparison(photo.pixels, *compare_pictures.render_photo_like(renderer, camera))
     matches = None
     if options.style == "MATCHES":
-        from ..core.pictures.matches import matches_at
+        from ...core.pictures.matches import matches_at
 
         yield "Matching", 0.7
         matches = matches_at(renderer, photo, camera, inputs.settings)

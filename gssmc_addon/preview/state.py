@@ -5,17 +5,19 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty
 
-from . import flicker, preview_options
+from . import flicker
+from . import options as preview_options
 
 
 def _changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    from . import preview_job  # it needs the properties, which need this module
+    from . import job as preview_job  # it needs the properties, which need this module
 
     preview_job.restyle(self, context)
 
 
 def _background_changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    from . import preview_images, preview_job
+    from . import images as preview_images
+    from . import job as preview_job
 
     if self.background:
         preview_job.restyle(self, context)

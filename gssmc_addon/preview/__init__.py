@@ -1,0 +1,1 @@
+"""See the fit: the splat set against the photo."""
