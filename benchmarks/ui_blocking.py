@@ -49,12 +49,12 @@ class Beat:
         self._last, self._largest, self._own, self._largest_own, self._depth = time.perf_counter(), 0.0, 0.0, 0.0, 0
         self._slow_at = self._last
         bpy.app.timers.register(self._tick, persistent=True)
-        jobs, stage = module("gssmc_addon.jobs"), module("gssmc_addon.viewport.stage").Stage
-        panels, photos = module("gssmc_addon.panels"), module("gssmc_addon.photo.panel")
+        jobs, stage = module("gssmc_addon.refine.job"), module("gssmc_addon.viewport.stage").Stage
+        panels, photos = module("gssmc_addon.refine.panel"), module("gssmc_addon.photo.panel")
         for owner, names in (
             (stage, ("draw", "tick")),
             (module("operators.import_splats").GSSMC_OT_import_splats, ("execute", "modal")),
-            (module("gssmc_addon.job_operator").JobOperator, ("begin", "modal")),
+            (module("gssmc_addon.jobs.operator").JobOperator, ("begin", "modal")),
             (jobs, ("gather", "apply_report")),
             (panels.GSSMC_PT_main, ("draw",)),
             (photos.GSSMC_PT_photos, ("draw",)),
@@ -255,7 +255,7 @@ def begin_refine(beat: Beat, files, what: str) -> Iterator[float]:
     yield from until(complete, "the picture through the camera")
     yield from beat.settle()
     in_view(bpy.ops.gssmc.refine, "INVOKE_DEFAULT")
-    job = module("gssmc_addon.jobs").active()
+    job = module("gssmc_addon.refine.job").active()
     start = time.perf_counter()
     yield from until(lambda: job._copying is None, "the splat's copy")
     say(f"refine in {what}: the splat copied", time.perf_counter() - start, beat.phase())
@@ -272,7 +272,7 @@ def refine_and_cancel(beat: Beat, files) -> Iterator[float]:
 
 
 def refine_to_end(beat: Beat, files) -> Iterator[float]:
-    start, job = time.perf_counter(), module("gssmc_addon.jobs")
+    start, job = time.perf_counter(), module("gssmc_addon.refine.job")
     yield from begin_refine(beat, files, "the room (40,000)")
     yield from until(lambda: job.active() is None or job.active().fraction > 0.9, "the refinement")
     say("refine in the room: while it runs", None, beat.phase())

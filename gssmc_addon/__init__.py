@@ -25,11 +25,13 @@ from ..operators import (
     set_mask,
     undistort_photo,
 )
-from . import cli, jobs, menus, panels, preferences, properties
+from . import cli, menus, preferences, properties
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
+from .refine import job as jobs
+from .refine import panel as panels
 from .viewport import handlers as viewport
 
 _class_modules = (

@@ -6,9 +6,9 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..core.errors import RefineError
-from ..gssmc_addon import jobs
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.photo.queue import AddPhotosJob, photos_in
+from ..gssmc_addon.refine import job as jobs
 from ..gssmc_addon.support.operator_parts import JobFromFile
 from ..gssmc_addon.support.texts import rpt_
 

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..core.photos.plate import open_plate
-from ..gssmc_addon.job_operator import Idle
+from ..gssmc_addon.jobs.operator import Idle
 from ..gssmc_addon.photo import camera as photo_camera
 from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.support.texts import rpt_

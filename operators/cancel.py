@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..gssmc_addon import jobs
+from ..gssmc_addon.refine import job as jobs
 
 
 class GSSMC_OT_cancel(bpy.types.Operator):

@@ -10,9 +10,9 @@ from ..core.errors import FeatureError, GssmcError
 from ..core.features.nets.download import download
 from ..core.features.nets.models import KNOWN, address
 from ..gssmc_addon import preferences
+from ..gssmc_addon.jobs.worker import Failure, Finished, Worker
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import iface_, rpt_
-from ..gssmc_addon.worker import Failure, Finished, Worker
 
 TICK_S = 0.1
 WIDTH = 460  # of the dialog, in Blender's units; about 76 characters

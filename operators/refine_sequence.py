@@ -7,7 +7,7 @@ from ..core.errors import RefineError
 from ..gssmc_addon import properties
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.camera import keys as camera_keys
-from ..gssmc_addon.job_operator import AskingJobOperator
+from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.plate.job import SequenceJob, SequenceOptions, frame_list
 from ..gssmc_addon.splat import object as splat_object

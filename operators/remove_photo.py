@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty
 
-from ..gssmc_addon.job_operator import Idle, Reporter
+from ..gssmc_addon.jobs.operator import Idle, Reporter
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.texts import rpt_

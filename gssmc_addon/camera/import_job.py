@@ -22,10 +22,10 @@ from ...core.errors import CameraError, GssmcError
 from ...core.geometry.camera import Camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
-from .. import jobs
-from ..job import Job, redraw
+from ..jobs.machine import Job, redraw
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
+from ..refine import job as jobs
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 

@@ -13,13 +13,13 @@ from ...core.errors import RefineError
 from ...core.photos.photo import Photo, read_photo
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
-from .. import jobs
-from ..job import QueueJob
+from ..jobs.machine import QueueJob
+from ..jobs.worker import Steps, refinement
+from ..refine import job as jobs
 from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support.texts import iface_, n_, rpt_
-from ..worker import Steps, refinement
 from . import camera as photo_camera
 from . import image as photo_image
 from . import list as photo_list

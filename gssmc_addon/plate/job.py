@@ -15,14 +15,14 @@ from ...core.pose import sequence
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.sequence import FramePose
 from ...core.pose.settings import RefineSettings
-from .. import jobs
 from ..camera import bridge as camera_bridge
-from ..job import QueueJob
+from ..jobs.machine import QueueJob
+from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import mask as mask_source
+from ..refine import job as jobs
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support.texts import iface_, n_, rpt_
-from ..worker import RefineInputs, Steps, refinement
 from . import source as plate_source
 
 DOUBT = 0.25  # weight of a frame whose verdict is "check"

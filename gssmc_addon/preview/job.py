@@ -20,7 +20,8 @@ from ...core.render import Renderer
 from ...core.render.view import RenderedView
 from ..camera import bridge as camera_bridge
 from ..camera.bridge import CameraCopy
-from ..job import Job
+from ..jobs.machine import Job
+from ..jobs.worker import Steps
 from ..photo import image as photo_image
 from ..photo import mask as mask_source
 from ..photo.image import PhotoSource
@@ -29,7 +30,6 @@ from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support.texts import n_, rpt_
-from ..worker import Steps
 from . import images as preview_images
 from . import options as preview_options
 

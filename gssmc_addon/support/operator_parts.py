@@ -6,7 +6,7 @@ import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import GssmcError
-from ..job_operator import AskingJobOperator, Reporter
+from ..jobs.operator import AskingJobOperator, Reporter
 from ..photo import image as photo_image
 
 

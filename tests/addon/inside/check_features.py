@@ -147,7 +147,7 @@ def test_a_known_file_is_recognised(bpy, extension, preferences):
 
 
 def test_the_panel_shows_the_way_to_the_preferences(bpy, extension, preferences, tiny_aliked):
-    draw = extension("gssmc_addon.panels")._draw_missing_model
+    draw = extension("gssmc_addon.refine.panel")._draw_missing_model
     without, having = Layout(), Layout()
     draw(without, bpy.context, "aliked")
     assert without.said == ["ALIKED needs a model file", "preferences.addon_show"]

@@ -29,7 +29,7 @@ def kept(size=SIZE):
 def read_for_refine(extension, scene, camera):
     """The photo as Refine would take it."""
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
-    jobs, photo = extension("gssmc_addon.jobs"), camera.data.gssmc.photo
+    jobs, photo = extension("gssmc_addon.refine.job"), camera.data.gssmc.photo
     return jobs.gather(scene, scene.gssmc.splat, camera, photo, settings).inputs.photo.read()
 
 

@@ -178,7 +178,7 @@ def test_progress_names_the_photo_as_it_is(bpy, listed, extension):
     job, layout = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings), Layout()
     job.index = 1
     job.begin_item(1)
-    extension("gssmc_addon.panels")._draw_progress(layout, job)
+    extension("gssmc_addon.refine.panel")._draw_progress(layout, job)
     assert layout.said == ["p1", "Photo 2 of 3", "gssmc.cancel"]
 
 

@@ -36,14 +36,14 @@ def test_a_photo_of_another_place_fails_and_moves_nothing(bpy, scene):
 
 
 def test_blender_waits_little_for_the_interpreter_while_the_work_runs_and_no_more_after(bpy, scene, extension, monkeypatch):
-    module, before, seen = extension("gssmc_addon.worker"), sys.getswitchinterval(), []
+    module, before, seen = extension("gssmc_addon.jobs.worker"), sys.getswitchinterval(), []
     work = module.refinement
 
     def watched(inputs):
         seen.append(sys.getswitchinterval())
         return (yield from work(inputs))
 
-    monkeypatch.setattr(extension("gssmc_addon.jobs"), "refinement", watched)
+    monkeypatch.setattr(extension("gssmc_addon.refine.job"), "refinement", watched)
     bpy.ops.gssmc.refine()
     assert seen[0] < 0.001 < before
     assert sys.getswitchinterval() == before
@@ -166,7 +166,7 @@ def job(bpy, scene, extension):
     """A running job, driven by hand as the timer of the window does it."""
     settings = extension("core.pose.settings").RefineSettings()
     photo = scene.camera.data.gssmc.photo
-    job = extension("gssmc_addon.jobs").gather(scene, scene.gssmc.splat, scene.camera, photo, settings)
+    job = extension("gssmc_addon.refine.job").gather(scene, scene.gssmc.splat, scene.camera, photo, settings)
     job.start()
     yield job
     job.cancel()
@@ -199,7 +199,7 @@ def test_a_result_is_not_applied_to_a_splat_scaled_unevenly_meanwhile(bpy, scene
     before = state(scene)
     end = report.RefineReport(camera, camera, "trusted", ("It fits.",), (), 1.0)
     with pytest.raises(extension("core.errors").GssmcError, match="unevenly"):
-        extension("gssmc_addon.jobs").apply_report(job.targets, end)
+        extension("gssmc_addon.refine.job").apply_report(job.targets, end)
     assert state(scene) == before
     assert scene.camera.data.gssmc.verdict == "NONE"
 
@@ -207,7 +207,7 @@ def test_a_result_is_not_applied_to_a_splat_scaled_unevenly_meanwhile(bpy, scene
 def test_switching_the_extension_off_ends_its_thread(bpy, scene, extension):
     import addon_utils
 
-    jobs = extension("gssmc_addon.jobs")
+    jobs = extension("gssmc_addon.refine.job")
     settings = extension("core.pose.settings").RefineSettings()
     job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
     jobs.begin(bpy.context, job)
@@ -220,7 +220,7 @@ def test_switching_the_extension_off_ends_its_thread(bpy, scene, extension):
 
 
 def test_opening_a_file_ends_the_job(bpy, scene, extension, tmp_path):
-    jobs = extension("gssmc_addon.jobs")
+    jobs = extension("gssmc_addon.refine.job")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     settings = extension("core.pose.settings").RefineSettings()
     job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
@@ -303,7 +303,7 @@ def test_what_is_edited_while_it_is_copied_is_refused(bpy, scene, extension, cop
 
 
 def test_a_job_whose_splat_is_edited_while_it_is_copied_changes_nothing(bpy, scene, job, extension, monkeypatch):
-    monkeypatch.setattr(extension("gssmc_addon.job"), "COPY_S", -1.0)  # one attribute per tick, as in a large scan
+    monkeypatch.setattr(extension("gssmc_addon.jobs.machine"), "COPY_S", -1.0)  # one attribute per tick, as in a large scan
     before = counts(bpy), state(scene)
     job.tick()
     assert job.step == "Copying the splat"

@@ -39,7 +39,7 @@ def drawn(bpy, extension):
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
         region=SimpleNamespace(width=2000),
     )
-    extension("gssmc_addon.panels").GSSMC_PT_main.draw(SimpleNamespace(layout=layout), seen)
+    extension("gssmc_addon.refine.panel").GSSMC_PT_main.draw(SimpleNamespace(layout=layout), seen)
     return layout.said
 
 
@@ -75,7 +75,7 @@ def test_a_tooltip_is_translated(bpy, extension, german):
 
 
 def test_a_threads_errors_are_translated_in_the_main_thread(bpy, extension, german):
-    failure, errors = extension("gssmc_addon.worker").Failure, extension("core.errors")
+    failure, errors = extension("gssmc_addon.jobs.worker").Failure, extension("core.errors")
     assert failure(OverflowError("deep inside")).message == "Abgebrochen: OverflowError."
     whole = next(text for text in GERMAN if text.startswith("Every Gaussian"))
     assert failure(errors.SplatFormatError(whole)).message == "Nichts Endliches."

@@ -6,10 +6,10 @@ from typing import Any
 
 import bpy
 
-from ..core.errors import GssmcError
-from . import jobs
-from .job import Job
-from .support.texts import rpt_
+from ...core.errors import GssmcError
+from ..refine import job as jobs
+from ..support.texts import rpt_
+from .machine import Job
 
 
 class Idle:

@@ -6,12 +6,13 @@ import textwrap
 
 import bpy
 
-from . import jobs, preferences, properties
-from .job import Job
-from .photo import image as photo_image
-from .splat import object as splat_object
-from .support.texts import iface_
-from .viewport import props as viewport_props
+from .. import preferences, properties
+from ..jobs.machine import Job
+from ..photo import image as photo_image
+from ..splat import object as splat_object
+from ..support.texts import iface_
+from ..viewport import props as viewport_props
+from . import job as jobs
 
 CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4

@@ -8,9 +8,9 @@ from typing import Any
 
 import bpy
 
-from ..core.errors import GssmcError, RefineError
-from .splat.copy import SplatCopying
-from .support.texts import iface_, n_
+from ...core.errors import GssmcError, RefineError
+from ..splat.copy import SplatCopying
+from ..support.texts import iface_, n_
 from .worker import Failure, Finished, Steps, Worker
 
 TICK_S = 0.1

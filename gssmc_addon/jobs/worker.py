@@ -9,15 +9,15 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any
 
-from ..core.errors import GssmcError
-from ..core.photos.photo import Photo
-from ..core.pose.report import RefineProgress, RefineReport
-from ..core.pose.settings import RefineSettings
-from ..core.render.sharing import quick_handover
-from .camera.bridge import CameraCopy
-from .photo.image import PhotoSource
-from .splat.renderer import SplatRenderer
-from .support.texts import sentence
+from ...core.errors import GssmcError
+from ...core.photos.photo import Photo
+from ...core.pose.report import RefineProgress, RefineReport
+from ...core.pose.settings import RefineSettings
+from ...core.render.sharing import quick_handover
+from ..camera.bridge import CameraCopy
+from ..photo.image import PhotoSource
+from ..splat.renderer import SplatRenderer
+from ..support.texts import sentence
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +55,7 @@ class Finished:
 
 def refinement(inputs: RefineInputs) -> Generator[RefineProgress, None, RefineReport]:
     """The whole work, step by step. Raises GssmcError for input that cannot be refined."""
-    from ..core.pose.refine import iterate_refinement
+    from ...core.pose.refine import iterate_refinement
 
     yield RefineProgress(0, inputs.settings.iterations, "Reading the photo", 0.0)
     photo: Photo = inputs.photo.read()

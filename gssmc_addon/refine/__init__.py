@@ -1,0 +1,1 @@
+"""Refine Camera: gathered from the scene, watched, and written back."""
