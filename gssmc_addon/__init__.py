@@ -25,13 +25,14 @@ from ..operators import (
     set_mask,
     undistort_photo,
 )
-from . import cli, menus, preferences, properties
+from . import cli
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
 from .refine import job as jobs
 from .refine import panel as panels
+from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
 
 _class_modules = (

@@ -16,10 +16,10 @@ from ..core.geometry.conventions import Orientation
 from ..core.photos.photo import read_photo
 from ..core.pose.report_json import report_to_dict
 from ..core.splats import read_splats
-from . import properties
 from .camera import bridge as camera_bridge
 from .photo import camera as photo_camera
 from .photo import image as photo_image
+from .registration import properties
 from .splat import importer as splat_import
 
 

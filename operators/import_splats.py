@@ -9,8 +9,8 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..core.errors import GssmcError
 from ..core.render import memory
-from ..gssmc_addon import preferences
 from ..gssmc_addon.refine import panel as panels
+from ..gssmc_addon.registration import preferences
 from ..gssmc_addon.splat import display as splat_display
 from ..gssmc_addon.splat import importer as splat_import
 from ..gssmc_addon.splat import object as splat_object

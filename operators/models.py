@@ -9,8 +9,8 @@ from bpy.props import BoolProperty, EnumProperty
 from ..core.errors import FeatureError, GssmcError
 from ..core.features.nets.download import download
 from ..core.features.nets.models import KNOWN, address
-from ..gssmc_addon import preferences
 from ..gssmc_addon.jobs.worker import Failure, Finished, Worker
+from ..gssmc_addon.registration import preferences
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import iface_, rpt_
 

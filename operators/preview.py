@@ -4,11 +4,11 @@ import bpy
 from bpy.props import StringProperty
 
 from ..core.errors import RefineError
-from ..gssmc_addon import properties
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.preview import images as preview_images
 from ..gssmc_addon.preview import job as preview_job
 from ..gssmc_addon.preview import options as preview_options
+from ..gssmc_addon.registration import properties
 from ..gssmc_addon.support.texts import rpt_
 
 

@@ -3,10 +3,10 @@
 import bpy
 from bpy.props import StringProperty
 
-from ..gssmc_addon import properties
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.refine import job as jobs
+from ..gssmc_addon.registration import properties
 from ..gssmc_addon.support.texts import rpt_
 
 

@@ -3,10 +3,10 @@
 import bpy
 from bpy.props import EnumProperty
 
-from ..gssmc_addon import properties
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.photo import queue as photo_queue
+from ..gssmc_addon.registration import properties
 from ..gssmc_addon.support.texts import rpt_, tip_
 
 WHICH = (

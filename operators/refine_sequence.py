@@ -4,12 +4,12 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..core.errors import RefineError
-from ..gssmc_addon import properties
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.camera import keys as camera_keys
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.plate.job import SequenceJob, SequenceOptions, frame_list
+from ..gssmc_addon.registration import properties
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.support.texts import rpt_
 

@@ -13,9 +13,9 @@ from ...core.geometry import conventions
 from ...core.geometry.camera import Camera, Intrinsics
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, check_size
-from .. import properties
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
+from ..registration import properties
 from ..support.texts import rpt_
 from . import image as photo_image
 

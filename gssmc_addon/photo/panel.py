@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from .. import properties
 from ..refine import job as jobs
 from ..refine import panel as panels
+from ..registration import properties
 from ..support.texts import iface_
 from . import list as photo_list
 from .entry import GssmcPhoto

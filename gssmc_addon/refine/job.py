@@ -17,13 +17,13 @@ from ...core.features.frontend import check_choice
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
 from ...core.render import memory
-from .. import preferences, properties
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..jobs.machine import TICK_S, Job, redraw
 from ..jobs.worker import RefineInputs, refinement
 from ..photo import mask as mask_source
 from ..plate import source as plate_source
+from ..registration import preferences, properties
 from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer

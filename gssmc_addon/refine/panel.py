@@ -6,9 +6,9 @@ import textwrap
 
 import bpy
 
-from .. import preferences, properties
 from ..jobs.machine import Job
 from ..photo import image as photo_image
+from ..registration import preferences, properties
 from ..splat import object as splat_object
 from ..support.texts import iface_
 from ..viewport import props as viewport_props

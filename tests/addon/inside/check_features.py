@@ -76,7 +76,7 @@ def test_the_panel_offers_what_the_engine_has(bpy, extension):
 
 
 def test_settings_take_the_model_of_the_choice(bpy, extension, preferences, tmp_path):
-    properties = extension("gssmc_addon.properties")
+    properties = extension("gssmc_addon.registration.properties")
     settings = bpy.context.scene.gssmc
     preferences.model_aliked, preferences.model_lightglue = str(tmp_path / "a.onnx"), str(tmp_path / "g.onnx")
     assert properties.settings_from(settings).model == ""
@@ -125,7 +125,7 @@ def drawn(bpy, extension, **values):
     layout = Layout()
     names = [f"model_{n}" for n in ("aliked", "disk", "superpoint", "lightglue")]
     own = SimpleNamespace(layout=layout, **(dict.fromkeys([*names, "base_url", *OWN], "") | values))
-    extension("gssmc_addon.preferences").GSSMC_AP_preferences.draw(own, bpy.context)
+    extension("gssmc_addon.registration.preferences").GSSMC_AP_preferences.draw(own, bpy.context)
     return layout.said
 
 
@@ -221,7 +221,7 @@ def test_another_file_is_thrown_away(bpy, extension, preferences, server):
     assert server.asked == [f"/models/{NAME}"]
     server.body = b"x" * 800_007
     not_downloaded(bpy, "thrown away", accept_licence=True)
-    assert list(extension("gssmc_addon.preferences").model_folder().iterdir()) == []
+    assert list(extension("gssmc_addon.registration.preferences").model_folder().iterdir()) == []
 
 
 def test_a_download_ends_with_the_file(bpy, extension, preferences, server, monkeypatch):
@@ -232,7 +232,7 @@ def test_a_download_ends_with_the_file(bpy, extension, preferences, server, monk
     bpy.context.preferences.system.use_online_access = True
     preferences.base_url, server.body = f"http://127.0.0.1:{server.server_port}", body
     assert bpy.ops.gssmc.download_model(model=NAME, accept_licence=True) == {"FINISHED"}
-    path = extension("gssmc_addon.preferences").model_folder() / NAME
+    path = extension("gssmc_addon.registration.preferences").model_folder() / NAME
     assert path.read_bytes() == body
     path.unlink()
 
@@ -244,7 +244,7 @@ def test_a_downloaded_model_is_used_without_more_ado(bpy, extension, preferences
     server.body = (SHARED / NAME).read_bytes()
     assert bpy.ops.gssmc.download_model(model=NAME, accept_licence=True) == {"FINISHED"}
     bpy.context.scene.gssmc.features = "auto"
-    path = extension("gssmc_addon.properties").settings_from(bpy.context.scene.gssmc).model
+    path = extension("gssmc_addon.registration.properties").settings_from(bpy.context.scene.gssmc).model
     assert Path(path).read_bytes() == server.body
     assert str(Path(os.environ["BLENDER_USER_RESOURCES"])) in path
     Path(path).unlink()

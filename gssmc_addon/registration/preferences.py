@@ -7,11 +7,11 @@ from pathlib import Path
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..core.features.nets.models import KNOWN, KnownModel, find_model, recognise
-from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
-from ..core.render.memory import machine_bytes
-from .support import log_file
-from .support.texts import iface_, n_
+from ...core.features.nets.models import KNOWN, KnownModel, find_model, recognise
+from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ...core.render.memory import machine_bytes
+from ..support import log_file
+from ..support.texts import iface_, n_
 
 PACKAGE = __package__.rpartition(".")[0]  # the extension's own, by which Blender keeps its preferences
 LEARNED = {name: kind for name, kind in {**EXTRACTORS, **MATCHERS}.items() if kind.needs_model}

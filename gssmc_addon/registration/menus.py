@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.splats import SUFFIXES
+from ...core.splats import SUFFIXES
 
 
 def _draw_import(self: bpy.types.Menu, context: bpy.types.Context) -> None:

@@ -20,16 +20,16 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..core.features.registry import AUTO, EXTRACTORS, MATCHERS
-from ..core.pose.presets import PRESETS
-from ..core.pose.settings import RefineSettings, choices
+from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ...core.pose.presets import PRESETS
+from ...core.pose.settings import RefineSettings, choices
+from ..photo import entry as photo_entry
+from ..photo import image as photo_image
+from ..photo import mask as mask_source
+from ..preview import state as preview_state
+from ..splat import object as splat_object
+from ..support.texts import iface_
 from . import preferences
-from .photo import entry as photo_entry
-from .photo import image as photo_image
-from .photo import mask as mask_source
-from .preview import state as preview_state
-from .splat import object as splat_object
-from .support.texts import iface_
 
 LIMITS = {
     "iterations": (1, 100),

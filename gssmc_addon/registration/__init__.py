@@ -1,0 +1,1 @@
+"""What Blender is told of: properties, preferences, menus."""
