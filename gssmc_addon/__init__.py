@@ -25,7 +25,7 @@ from ..operators import (
     set_mask,
     undistort_photo,
 )
-from . import cli
+from .headless import command as cli
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker

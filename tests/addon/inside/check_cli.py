@@ -10,7 +10,7 @@ from samples import random_gaussians, write_photo, write_ply
 
 @pytest.fixture
 def main(bpy, extension):
-    return extension("gssmc_addon.cli").main
+    return extension("gssmc_addon.headless.command").main
 
 
 @pytest.fixture

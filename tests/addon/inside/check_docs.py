@@ -25,7 +25,7 @@ def test_examples_run(bpy, extension, page, tmp_path, monkeypatch):
             exec(compile(text, f"{page}.md", "exec"), names)
             continue
         for line in text.splitlines():
-            assert extension("gssmc_addon.cli").main(shlex.split(line)) == 0, line
+            assert extension("gssmc_addon.headless.command").main(shlex.split(line)) == 0, line
 
 
 def test_quoted_sentences_are_those_of_the_code():

@@ -154,6 +154,6 @@ def test_the_command_lines_mask_is_saved_with_the_scene(bpy, extension, tmp_path
     words = {"refine": ["a.png", "--camera", "c.json"], "batch": ["c.json", "--workers", "1"]}[command]
     words = [str(tmp_path / word) if "." in word else word for word in words]
     files = ["--mask", str(tmp_path / "masks"), "--out", str(tmp_path / "r.json"), "--blend", str(tmp_path / "o.blend")]
-    assert extension("gssmc_addon.cli").main([command, str(tmp_path / "scan.ply"), *words, *files]) == 3
+    assert extension("gssmc_addon.headless.command").main([command, str(tmp_path / "scan.ply"), *words, *files]) == 3
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "o.blend"))
     assert bpy.context.scene.camera.data.gssmc.mask.filepath == "//masks/a.png"

@@ -9,18 +9,18 @@ from typing import Any, Literal
 
 import bpy
 
-from ..core.cli.outcome import Outcome
-from ..core.errors import GssmcError
-from ..core.geometry.camera import Camera
-from ..core.geometry.conventions import Orientation
-from ..core.photos.photo import read_photo
-from ..core.pose.report_json import report_to_dict
-from ..core.splats import read_splats
-from .camera import bridge as camera_bridge
-from .photo import camera as photo_camera
-from .photo import image as photo_image
-from .registration import properties
-from .splat import importer as splat_import
+from ...core.cli.outcome import Outcome
+from ...core.errors import GssmcError
+from ...core.geometry.camera import Camera
+from ...core.geometry.conventions import Orientation
+from ...core.photos.photo import read_photo
+from ...core.pose.report_json import report_to_dict
+from ...core.splats import read_splats
+from ..camera import bridge as camera_bridge
+from ..photo import camera as photo_camera
+from ..photo import image as photo_image
+from ..registration import properties
+from ..splat import importer as splat_import
 
 
 def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation | Literal["AUTO"]) -> None:

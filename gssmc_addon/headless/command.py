@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..core.cli import main as cli
-from ..core.cli.outcome import Outcome
+from ...core.cli import main as cli
+from ...core.cli.outcome import Outcome
 
 PROGRAM = "blender --command gssmc"
 
