@@ -31,8 +31,8 @@ class Child:
     """A running child. `stdin` and `stdout` are its binary pipes; what it says on stderr is kept for `last_words`."""
 
     def __init__(self, module: str, environment: Mapping[str, str] | None = None) -> None:
-        """`module` is dotted and below the engine's package, such as "commands.worker". Raises OSError."""
-        package = Path(__file__).resolve().parent
+        """`module` is dotted and below the engine's package, such as "batch.worker". Raises OSError."""
+        package = Path(__file__).resolve().parents[1]
         # Inside Blender the engine's package has another name; the child imports it from its folder, by its own name.
         search = os.pathsep.join([str(package.parent), *(p for p in sys.path if p)])
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process

@@ -25,7 +25,7 @@ class Worker:
     """One worker process. `ask` blocks until the answer is there."""
 
     def __init__(self, first: Record) -> None:
-        self._child = Child("commands.worker", ONE_THREAD)
+        self._child = Child("batch.worker", ONE_THREAD)
         self._first = first
 
     def start(self) -> int:

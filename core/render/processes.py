@@ -120,7 +120,7 @@ class _Team:
     def _bring_up(self, first: dict[str, object], origin: FloatArray) -> None:
         """Starts one child and takes it in once it is ready to draw."""
         try:
-            child = self._start("render.process_worker", ONE_THREAD)
+            child = self._start("render.worker", ONE_THREAD)
         except OSError as error:
             log.warning("A process for drawing cannot be started: %s", error)
             return

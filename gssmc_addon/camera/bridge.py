@@ -1,4 +1,4 @@
-"""Blender camera <-> the engine's camera, in the coordinates of the splat file. The formulas live in core.geometry.conventions."""
+"""Blender camera <-> the engine's camera, in the coordinates of the splat file. Formulas: core.geometry.conventions."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def remember(report: RefineReport) -> None:
 
 def text(context: bpy.types.Context) -> str:
     """The report, to be pasted into an issue."""
-    manifest = tomllib.loads((Path(__file__).parent.parent / "blender_manifest.toml").read_text(encoding="utf-8"))
+    manifest = tomllib.loads((Path(__file__).parents[2] / "blender_manifest.toml").read_text(encoding="utf-8"))
     lines = [
         f"GS-SMC {manifest['version']}",
         f"Blender {bpy.app.version_string}, {bpy.app.build_platform.decode(errors='replace')}",

@@ -85,7 +85,7 @@ def hurt(tmp_path, monkeypatch, body):
     """From now on the network of a child of ours does `body` instead of finding features."""
     code = f"""
     import os, sys, time
-    if any("net_worker" in a for a in sys.orig_argv):
+    if any("nets.worker" in a for a in sys.orig_argv):
         import core.features.extractors.aliked as module
         def extract(self, grey, mask=None):
             {body}
@@ -223,7 +223,7 @@ def test_what_a_library_prints_does_not_get_between_the_answers(tmp_path, monkey
 
 def test_a_child_ends_with_its_input_even_when_it_hangs(tmp_path, monkeypatch):
     hurt(tmp_path, monkeypatch, "time.sleep(600)")
-    child = Child("features.net_worker")
+    child = Child("features.nets.worker")
     send(child.stdin, vars(Nets("aliked", str(aliked_net(tmp_path / "a.onnx")))))
     send(child.stdin, {"do": "extract"}, [GREY])
     time.sleep(0.5)

@@ -91,7 +91,7 @@ class NetProcess:
                 raise FeatureError("The refinement has ended, and the model's process with it.")
             if self._child is None:
                 try:
-                    self._child = self._start("features.net_worker")
+                    self._child = self._start("features.nets.worker")
                     send(self._child.stdin, vars(self._nets))
                 except OSError as error:
                     raise FeatureError(f"The process for the model cannot be started ({error.strerror or error}).") from error
