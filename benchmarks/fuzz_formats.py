@@ -3,7 +3,7 @@
 python benchmarks/fuzz_formats.py [--files 10000] [--seed 0] [--only NAME]
 
 Each sample runs in a process of its own, so that a crash is seen as one. The rule, and how memory is measured, stand in
-tests/core/splat_fuzz.py, which the test suite uses with fewer files.
+tests/core/support/splat_fuzz.py, which the test suite uses with fewer files.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import tracemalloc
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "core")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "core" / "support")]
 
 import numpy as np
 from splat_fuzz import Sample, damaged, judge, samples

@@ -31,3 +31,7 @@ class RefineError(GssmcError):
 
 class Cancelled(GssmcError):  # noqa: N818 - says what happened; it is no fault
     """The user stopped the work; nothing was changed."""
+
+
+class UsageError(GssmcError):
+    """The command line itself is wrong."""

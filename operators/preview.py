@@ -8,7 +8,7 @@ from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.preview import images as preview_images
 from ..gssmc_addon.preview import job as preview_job
 from ..gssmc_addon.preview import options as preview_options
-from ..gssmc_addon.registration import properties
+from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.support.texts import rpt_
 
 
@@ -41,7 +41,7 @@ class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
         if self.camera and camera is None:
             raise RefineError(rpt_('There is no camera "{name}"; give the name of a camera object.', name=self.camera))
         self._camera = camera.name if camera else ""
-        return preview_job.gather(context, camera, preview_job.options_of(self), properties.settings_from(scene.gssmc))
+        return preview_job.gather(context, camera, preview_job.options_of(self), settings_props.settings_from(scene.gssmc))
 
     def apply(self, context, job, result):
         camera = context.scene.objects.get(self._camera)

@@ -6,7 +6,7 @@ from bpy.props import StringProperty
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.refine import job as jobs
-from ..gssmc_addon.registration import properties
+from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.support.texts import rpt_
 
 
@@ -20,8 +20,8 @@ class GSSMC_OT_refine(JobOperator, bpy.types.Operator):
     __annotations__ = {
         "splat": StringProperty(name="Splat", description="Name of the splat object; empty: the one picked in the panel"),
         "camera": StringProperty(name="Camera", description="Name of the camera object; empty: the scene camera"),
-        **properties.settings_annotations(),
-        **properties.model_annotations(),
+        **settings_props.settings_annotations(),
+        **settings_props.model_annotations(),
     }
 
     def gather(self, context):
@@ -30,7 +30,7 @@ class GSSMC_OT_refine(JobOperator, bpy.types.Operator):
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
         photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
         context.view_layer.update()  # scripts set locations and expect them to count
-        return jobs.gather(scene, splat, camera, photo, properties.settings_from(scene.gssmc, self.properties))
+        return jobs.gather(scene, splat, camera, photo, settings_props.settings_from(scene.gssmc, self.properties))
 
     def apply(self, context, job, report):
         message = jobs.apply_report(job.targets, report)

@@ -6,7 +6,7 @@ from bpy.props import EnumProperty
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.photo import queue as photo_queue
-from ..gssmc_addon.registration import properties
+from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.support.texts import rpt_, tip_
 
 WHICH = (
@@ -25,8 +25,8 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
 
     __annotations__ = {
         "which": EnumProperty(name="Which", items=WHICH, default="ALL", description="Which photos are refined"),
-        **properties.settings_annotations(),
-        **properties.model_annotations(),
+        **settings_props.settings_annotations(),
+        **settings_props.model_annotations(),
     }
 
     @classmethod
@@ -44,7 +44,7 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
-        return photo_queue.queue(scene, self.which, properties.settings_from(scene.gssmc, self.properties))
+        return photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties))
 
     def apply(self, context, job, result):
         message = job.summary()

@@ -9,7 +9,8 @@ from ..gssmc_addon.camera import keys as camera_keys
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.plate.job import SequenceJob, SequenceOptions, frame_list
-from ..gssmc_addon.registration import properties
+from ..gssmc_addon.registration import camera_props
+from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.support.texts import rpt_
 
@@ -41,8 +42,8 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
             description="Also key focal length and shift, for a zoom; else the lens stays as it is",
             default=False,
         ),
-        **properties.settings_annotations(),
-        **properties.model_annotations(),
+        **settings_props.settings_annotations(),
+        **settings_props.model_annotations(),
     }
 
     def invoke(self, context, event):
@@ -76,7 +77,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         )
         camera_channels.check_writable(scene.camera)
         options = SequenceOptions(start, end, self.step, self.smooth_frames, self.every_frame, self.key_lens)
-        settings = properties.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
+        settings = settings_props.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
         return SequenceJob(scene, scene.camera, options, settings)
 
     def apply(self, context, job, result):
@@ -87,7 +88,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         seconds = sum(report.seconds for report in job.reports.values())
         trusted = not job.bad and all(report.verdict == "trusted" for report in job.reports.values())
         reasons = [job.summary(), *sorted({f"{message}" for message in job.bad.values()})][:4]
-        properties.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
+        camera_props.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
         camera.data.gssmc.bad_frames = frame_list(job.bad)
         values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
         message = rpt_('"{name}": {summary} {count} keys were set.', **values)

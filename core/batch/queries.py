@@ -9,9 +9,7 @@ from pathlib import Path
 from ..cameras import match_names, queries, read
 from ..cameras.files import Start, read_starts
 from ..cameras.pose_list import checked
-from ..cli.console import note
-from ..cli.flags import UsageError
-from ..errors import DatasetError, PhotoError
+from ..errors import DatasetError, PhotoError, UsageError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 
@@ -20,10 +18,13 @@ UNREAD = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of 
 
 @dataclass(frozen=True)
 class Queries:
-    """Start cameras, whose "file" is the photo's name as the source spells it, and as many photo files."""
+    """Start cameras, whose "file" is the photo's name as the source spells it, and as many photo files; `notes` are sentences
+    on what was assumed or left out, for whoever asked.
+    """
 
     cameras: list[Camera]
     photos: list[Path]
+    notes: tuple[str, ...] = ()
 
 
 def find_queries(args: argparse.Namespace) -> Queries:
@@ -49,10 +50,9 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None) -> Quer
     pairs = [(query, starts.frames[i]) for query, i in zip(wanted, found, strict=True) if i is not None]
     if not pairs:
         raise DatasetError(f"'{start.name}' has no start pose for any test photo of '{folder.name}'; give the same scene's.")
-    if len(pairs) < len(wanted):
-        note(f"{len(wanted) - len(pairs)} of {len(wanted)} test photos have no start pose in '{start.name}' and are left out.")
+    left_out = f"{len(wanted) - len(pairs)} of {len(wanted)} test photos have no start pose in '{start.name}' and are left out."
     cameras = [Camera(query.intrinsics, frame.pose, query.name) for query, frame in pairs]
-    return Queries(cameras, [query.photo.resolve() for query, _ in pairs])
+    return Queries(cameras, [query.photo.resolve() for query, _ in pairs], (left_out,) if len(pairs) < len(wanted) else ())
 
 
 def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Queries:
@@ -65,24 +65,26 @@ def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Querie
         if not start_camera.file:
             raise UsageError(f"Camera {number} of '{file.name}' names no photo; give it a \"file\".")
     photos = [file.resolve().parent / start_camera.file for start_camera in starts]
-    return Queries(_with_lenses(starts, photos), photos)
+    cameras, notes = _with_lenses(starts, photos)
+    return Queries(cameras, photos, notes)
 
 
-def _with_lenses(starts: list[Start], photos: list[Path]) -> list[Camera]:
-    """The cameras, with lenses by their photos where the file tells none; says what was assumed."""
+def _with_lenses(starts: list[Start], photos: list[Path]) -> tuple[list[Camera], tuple[str, ...]]:
+    """The cameras, with lenses by their photos where the file tells none, and what was assumed."""
     cameras: list[Camera] = []
     assumed: list[LensGuess | None] = []
     for start, photo in zip(starts, photos, strict=True):
         guess = _guess(photo) if start.intrinsics is None else None
         cameras.append(start.camera(guess.intrinsics if guess else UNREAD))
         assumed += [guess] if start.intrinsics is None else []
-    if assumed:
-        by_exif = sum(guess is not None and guess.focal_35mm is not None for guess in assumed)
-        note(
-            f"{len(assumed)} of {len(starts)} starts tell no lens: {by_exif} get theirs from EXIF, "
-            f"{len(assumed) - by_exif} a field of view of {DEFAULT_FOV_DEG:g} degrees across the long side."
-        )
-    return cameras
+    if not assumed:
+        return cameras, ()
+    by_exif = sum(guess is not None and guess.focal_35mm is not None for guess in assumed)
+    said = (
+        f"{len(assumed)} of {len(starts)} starts tell no lens: {by_exif} get theirs from EXIF, "
+        f"{len(assumed) - by_exif} a field of view of {DEFAULT_FOV_DEG:g} degrees across the long side."
+    )
+    return cameras, (said,)
 
 
 def _guess(photo: Path) -> LensGuess | None:

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from dataclasses import Field, fields, replace
 from typing import Any
 
-from ..errors import GssmcError
+from ..errors import UsageError
 from ..features.frontend import check_choice
 from ..features.registry import AUTO, EXTRACTORS, MATCHERS
 from ..pose.settings import RefineSettings, choices
@@ -19,10 +19,6 @@ SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz or
 
 
 MASK_HELP = "what to leave out of matching: a picture, or a folder of them named as the photos; white: use, black: leave out"
-
-
-class UsageError(GssmcError):
-    """The command line itself is wrong."""
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from ..errors import GssmcError
 from .commands import batch, convert, demo, evaluate, features, refine, render
 from .console import note
-from .flags import OneLineParser, UsageError
+from .flags import OneLineParser
 from .outcome import BAD_INPUT, INTERRUPTED, Outcome
 
 COMMANDS = {
@@ -61,7 +61,7 @@ def main(
         return outcome.exit_code
     except SystemExit as end:  # --help
         return int(end.code or 0)
-    except (GssmcError, UsageError) as error:
+    except GssmcError as error:
         return _complain(str(error))
     except OSError as error:
         where = f" '{error.filename}'" if error.filename else ""

@@ -19,7 +19,7 @@ from ...core.splats import read_splats
 from ..camera import bridge as camera_bridge
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
-from ..registration import properties
+from ..registration import camera_props
 from ..splat import importer as splat_import
 
 
@@ -82,5 +82,5 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
         camera_bridge.write_camera(scene, obj, scene.gssmc.splat, camera)
     if verdict:
         rounds = len(verdict["iterations"])
-        properties.note_verdict(obj.data, verdict["verdict"], verdict["reasons"], rounds, verdict["seconds"])
+        camera_props.note_verdict(obj.data, verdict["verdict"], verdict["reasons"], rounds, verdict["seconds"])
     return obj

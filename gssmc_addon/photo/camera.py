@@ -15,7 +15,7 @@ from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, check_size
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
-from ..registration import properties
+from ..registration import camera_props
 from ..support.texts import rpt_
 from . import image as photo_image
 
@@ -123,7 +123,7 @@ def fit_camera(
     else:
         data.gssmc.lens_calibrated = False
         notes.append(_lens_from_exif(scene, data, photo))
-    properties.note_verdict(data, "none", (), 0, 0.0)
+    camera_props.note_verdict(data, "none", (), 0, 0.0)
     return notes
 
 

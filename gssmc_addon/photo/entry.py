@@ -20,10 +20,3 @@ class GssmcPhoto(bpy.types.PropertyGroup):
         "error": StringProperty(name="Error", description="Why the photo could not be read or refined"),
         "ticked": BoolProperty(name="Ticked", description="Refine Ticked takes this photo", default=True),
     }
-
-
-def picked(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """A line of the list was clicked: its camera becomes the one that is looked through."""
-    from . import list as photo_list  # it needs the properties, which need this module
-
-    photo_list.show(context, self.id_data)

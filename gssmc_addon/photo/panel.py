@@ -6,7 +6,7 @@ import bpy
 
 from ..refine import job as jobs
 from ..refine import panel as panels
-from ..registration import properties
+from ..registration import camera_props
 from ..support.texts import iface_
 from . import list as photo_list
 from .entry import GssmcPhoto
@@ -36,7 +36,7 @@ class GSSMC_UL_photos(bpy.types.UIList):
             if camera.data.gssmc.mask:
                 row.label(text="", icon="MOD_MASK")
             verdict = camera.data.gssmc.verdict
-            row.label(text="", icon=properties.VERDICT_ICONS[verdict] if verdict != "NONE" else "BLANK1")
+            row.label(text="", icon=camera_props.VERDICT_ICONS[verdict] if verdict != "NONE" else "BLANK1")
 
     def filter_items(self, context, data, propname):
         """By name, as the list's search field asks; the names are the cameras'."""

@@ -65,7 +65,12 @@ def run_inside(python, check, extension_zip, tmp_path):
     """What came of the check, as `subprocess.run` has it."""
     environment = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
     command = [python, "-m", "pytest", "-p", "no:cacheprovider", "-o", "python_files=check_*.py"]
-    command += ["-o", f"pythonpath=. tests/core {check.parent}", "-rs", str(check)]
+    command += [
+        "-o",
+        f"pythonpath=. tests/core/support tests/core/features tests/core/pose {HERE / 'inside'}",
+        "-rs",
+        str(check),
+    ]
     return subprocess.run(command, cwd=REPO, env=environment, capture_output=True, text=True, timeout=LIMIT_S, check=False)
 
 

@@ -94,3 +94,72 @@ def test_modules_stay_under_300_lines_and_functions_under_40(path):
             body = node.body[1:] if ast.get_docstring(node) else node.body
             lines = (node.end_lineno or 0) - body[0].lineno + 1 if body else 0
             assert lines <= 40, f"{name(path)}:{node.lineno} {node.name} has {lines} lines"
+
+
+# Lower rooms never import from higher ones; rooms of one rank do not know each other.
+RANKS = (
+    ("errors",),
+    ("support", "geometry"),
+    ("processes", "photos", "splats", "features"),
+    ("cameras", "render"),
+    ("pose",),
+    ("locate",),
+    ("pictures", "batch"),
+    ("synthetic",),
+    ("cli",),
+)
+RANK = {room: rank for rank, rooms in enumerate(RANKS) for room in rooms}
+PEERS = {("geometry", "support"), ("features", "processes"), ("render", "processes")}
+
+
+def room_of(path):
+    return path.relative_to(REPO / "core").parts[0].removesuffix(".py")
+
+
+@pytest.mark.parametrize("path", [p for p in CORE if p.parent != REPO / "core" or p.name == "errors.py"], ids=name)
+def test_arrows_point_downwards(path):
+    for level, module, names in imports(path):
+        if level:
+            for target in reached(path, level, module, names):
+                here, there = room_of(path), room_of(target)
+                assert here == there or RANK[there] < RANK[here] or (here, there) in PEERS, (
+                    f"{name(path)} reaches up to {there}"
+                )
+
+
+def graph_of(files):
+    """Module name to the modules that it imports, for every import statement, wherever it stands in the file."""
+    known = {dotted(p): p for p in files}
+    graph = {}
+    for module, path in known.items():
+        graph[module] = set()
+        for level, target, names in imports(path):
+            if level:
+                for folder in reached(path, level, target, names):
+                    graph[module] |= {d for d in (dotted(folder), *(f"{dotted(folder)}.{n}" for n in names)) if d in known}
+    return graph
+
+
+def dotted(path):
+    parts = path.relative_to(REPO).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def test_no_module_imports_itself_in_a_circle():
+    graph, done = graph_of([*CORE, *BLENDER_SIDE]), set()
+
+    def visit(module, trail):
+        assert module not in trail, " -> ".join([*trail[trail.index(module) :], module])
+        if module not in done:
+            for target in sorted(graph[module] - {module}):
+                visit(target, [*trail, module])
+            done.add(module)
+
+    for module in graph:
+        visit(module, [])
+
+
+def test_folders_stay_under_sixteen_modules():
+    folders = {p.parent for p in [*CORE, *BLENDER_SIDE] if p.parent != REPO / "operators"}
+    crowded = {name(f): n for f in folders if (n := len([p for p in f.glob("*.py") if p.name != "__init__.py"])) > 15}
+    assert not crowded

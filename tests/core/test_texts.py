@@ -13,8 +13,8 @@ import pytest
 
 REPO = Path(__file__).parents[2]
 # The command line and the text of Report a Problem are English by design: they are pasted, searched for and parsed.
-ENGLISH = {"cli.py", "blend_file.py", "problem.py"}
-SOURCES = [*(REPO / "gssmc_addon").glob("*.py"), *(REPO / "operators").glob("*.py")]
+ENGLISH = {"command.py", "blend_file.py", "problem.py"}
+SOURCES = [*(REPO / "gssmc_addon").rglob("*.py"), *(REPO / "operators").glob("*.py")]
 SOURCES = sorted(path for path in SOURCES if path.name not in ENGLISH)
 LOOKUPS = {"iface_", "rpt_", "tip_"}
 MARK = "n_"

@@ -15,7 +15,7 @@ from ...batch.queries import find_queries
 from ...batch.store import ResultStore, job_key
 from ...cameras import pose_list
 from ...cameras.files import camera_from_dict, camera_to_dict
-from ...errors import SplatFormatError
+from ...errors import SplatFormatError, UsageError
 from ...geometry.camera import Camera
 from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
@@ -24,7 +24,7 @@ from ...pose.settings import RefineSettings
 from ...processes.pool import Pool
 from ...splats import check_splat_file
 from ..console import note, say
-from ..flags import MASK_HELP, SCENE_HELP, UsageError, add_settings_flags, settings_from
+from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..progress import ProgressBar
 
@@ -49,6 +49,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args, PRESETS[args.preset] if args.preset else None)
     found = find_queries(args)
+    for sentence in found.notes:
+        note(sentence)
     cameras, photos = found.cameras, found.photos
     masks = _mask_files(args.mask, photos)
     if args.workers < 1:

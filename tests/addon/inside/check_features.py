@@ -14,7 +14,7 @@ import pytest
 from panels_drawn import Layout
 from samples import counts
 
-sys.path.append(str(Path(__file__).parents[2] / "core"))
+sys.path.append(str(Path(__file__).parents[2] / "core" / "support"))
 from onnx_files import image_net
 
 MODULE = "bl_ext.user_default.gssmc"
@@ -76,7 +76,7 @@ def test_the_panel_offers_what_the_engine_has(bpy, extension):
 
 
 def test_settings_take_the_model_of_the_choice(bpy, extension, preferences, tmp_path):
-    properties = extension("gssmc_addon.registration.properties")
+    properties = extension("gssmc_addon.registration.settings")
     settings = bpy.context.scene.gssmc
     preferences.model_aliked, preferences.model_lightglue = str(tmp_path / "a.onnx"), str(tmp_path / "g.onnx")
     assert properties.settings_from(settings).model == ""
@@ -244,7 +244,7 @@ def test_a_downloaded_model_is_used_without_more_ado(bpy, extension, preferences
     server.body = (SHARED / NAME).read_bytes()
     assert bpy.ops.gssmc.download_model(model=NAME, accept_licence=True) == {"FINISHED"}
     bpy.context.scene.gssmc.features = "auto"
-    path = extension("gssmc_addon.registration.properties").settings_from(bpy.context.scene.gssmc).model
+    path = extension("gssmc_addon.registration.settings").settings_from(bpy.context.scene.gssmc).model
     assert Path(path).read_bytes() == server.body
     assert str(Path(os.environ["BLENDER_USER_RESOURCES"])) in path
     Path(path).unlink()

@@ -44,11 +44,11 @@ def test_every_operator_has_a_tooltip(bpy):
 
 def test_settings_have_the_engines_defaults(bpy, extension):
     settings = extension("core.pose.settings").RefineSettings()
-    assert extension("gssmc_addon.registration.properties").settings_from(bpy.context.scene.gssmc) == settings
+    assert extension("gssmc_addon.registration.settings").settings_from(bpy.context.scene.gssmc) == settings
 
 
 def test_every_setting_has_a_tooltip(bpy, extension):
-    names = extension("gssmc_addon.registration.properties").settings_annotations()
+    names = extension("gssmc_addon.registration.settings").settings_annotations()
     rna = bpy.context.scene.gssmc.bl_rna.properties
     assert [n for n in names if len(rna[n].description) < 10] == []
 

@@ -16,7 +16,7 @@ def own(bpy):
 
 
 def test_threads_of_the_preferences_count_where_the_scene_says_0(bpy, own, extension):
-    settings_from, scene = extension("gssmc_addon.registration.properties").settings_from, bpy.context.scene
+    settings_from, scene = extension("gssmc_addon.registration.settings").settings_from, bpy.context.scene
     own.threads = 3
     assert settings_from(scene.gssmc).threads == 3
     scene.gssmc.threads = 1

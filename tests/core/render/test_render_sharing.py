@@ -6,13 +6,12 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+from render_scenes import cloud, make_scene
 
 from core.errors import Cancelled
 from core.geometry.camera import Intrinsics, Pose
 from core.render import Renderer, RenderSettings
 from core.render.sharing import HANDOVER_S, quick_handover
-
-from .render_scenes import cloud, make_scene
 
 CAMERA = Intrinsics(61, 43, 50.0, 55.0, 28.0, 24.0)
 USUAL_S = 0.004

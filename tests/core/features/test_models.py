@@ -16,7 +16,7 @@ from core.features.nets import models
 from core.features.nets.download import DownloadError, download
 from core.features.nets.models import KNOWN, KnownModel, address, find_model, recognise
 
-SHARED = Path(__file__).resolve().parents[3] / "shared" / "models"
+SHARED = Path(__file__).resolve().parents[4] / "shared" / "models"
 DATA = np.random.default_rng(0).integers(0, 256, 400_000, np.uint8).tobytes()
 MODEL = KnownModel("net.onnx", "Net", "aliked", len(DATA), hashlib.sha256(DATA).hexdigest(), "BSD", "Keep it.", "nowhere")
 

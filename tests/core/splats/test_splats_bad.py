@@ -115,7 +115,7 @@ def test_hostile_count_allocates_nothing(tmp_path):
     limit = 2 << 30
     done = subprocess.run(
         [sys.executable, "-c", code],
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         env={"OPENBLAS_NUM_THREADS": "1", "PATH": ""},
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
         capture_output=True,

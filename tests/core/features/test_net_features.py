@@ -16,7 +16,7 @@ from core.features.matchers.lightglue import LightGlue
 from core.features.matchers.nearest import MutualNearest
 from core.features.types import Features
 
-MODELS = Path(__file__).resolve().parents[3] / "shared" / "models"
+MODELS = Path(__file__).resolve().parents[4] / "shared" / "models"
 GREY = np.random.default_rng(0).integers(0, 255, (50, 90), np.uint8)  # no side is a multiple of 8
 
 

@@ -130,7 +130,7 @@ def test_interruption_loses_nothing_that_was_finished(place, tmp_path, monkeypat
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background's children have it ignored otherwise
     process = subprocess.Popen(
         [sys.executable, "-m", "core", "batch", str(place.scene), file, "--out", str(out), "--workers", "2", *FAST],
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         env={**os.environ, "PYTHONPATH": str(hook)},
         start_new_session=True,
         stderr=subprocess.PIPE,

@@ -243,7 +243,7 @@ def test_a_parent_that_is_killed_leaves_no_child(tmp_path, monkeypatch):
     process = NetProcess(Nets("aliked", {str(aliked_net(tmp_path / "a.onnx"))!r}))
     RemoteExtractor(process, "a").extract(np.zeros((64, 64), np.uint8))
     """
-    search = os.pathsep.join([str(Path(__file__).parents[2]), str(tmp_path)])
+    search = os.pathsep.join([str(Path(__file__).parents[3]), str(tmp_path)])
     parent = subprocess.Popen([sys.executable, "-c", textwrap.dedent(code)], env={**os.environ, "PYTHONPATH": search})
     pid_file = tmp_path / "pid"
     wait_for(lambda: pid_file.exists() and pid_file.read_text())

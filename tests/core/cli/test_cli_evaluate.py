@@ -12,7 +12,7 @@ from core.cameras.files import write_cameras
 from core.cli.main import main
 from core.geometry.camera import Camera, Intrinsics, Pose
 
-PUBLISHED = Path(__file__).parents[2].parent / "shared" / "eval"
+PUBLISHED = Path(__file__).parents[3].parent / "shared" / "eval"
 MOVED = "0.5 0.5 -0.5 0.5 2 3 -0.97"  # along the line of sight by 3 cm
 
 

@@ -12,7 +12,7 @@ from core.geometry.camera import Intrinsics, Pose
 from core.render import Renderer
 from core.splats import read_splats
 
-SCENES = Path(__file__).parents[2].parent / "shared" / "scenes"
+SCENES = Path(__file__).parents[3].parent / "shared" / "scenes"
 
 
 @pytest.mark.parametrize("name", ["fox", "monstree"])

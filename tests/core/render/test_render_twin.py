@@ -8,13 +8,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from render_scenes import assert_same_view, cloud, make_scene
 
 from core.errors import Cancelled
 from core.geometry.camera import Intrinsics, Pose
 from core.render import Renderer, RenderSettings, render_reference
 from core.splats.scene import GaussianScene
-
-from .render_scenes import assert_same_view, cloud, make_scene
 
 pytestmark = pytest.mark.filterwarnings("error")
 

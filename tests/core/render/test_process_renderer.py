@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from render_scenes import cloud, make_scene
 
 from core.errors import Cancelled
 from core.geometry.camera import Intrinsics, Pose
@@ -21,8 +22,6 @@ from core.processes.child import Child
 from core.render import ProcessRenderer, RenderedView, Renderer, RenderSettings
 from core.render import processes as process_renderer
 from core.splats.scene import GaussianScene
-
-from .render_scenes import cloud, make_scene
 
 CAMERA = Intrinsics(61, 43, 50.0, 55.0, 28.0, 24.0)
 SETTINGS = RenderSettings(threads=3)

@@ -303,7 +303,7 @@ def test_dropped_gaussians_are_told(place, tmp_path, capsys):
 def test_python_m_core_from_a_shell(tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "core", "render", "no.ply", "no.json", str(tmp_path)],
-        cwd=Path(__file__).parents[2],
+        cwd=Path(__file__).parents[3],
         capture_output=True,
         text=True,
         check=False,
