@@ -104,8 +104,7 @@ def test_a_process_that_dies_costs_no_view(scene, started, caplog, deaths):
     renderer, _ = started
     with caplog.at_level(logging.WARNING):
         for child in renderer._team._ready[-deaths:]:  # the last is asked first
-            child._process.kill()
-            child._process.wait()
+            child.kill()
         found = [renderer.render(CAMERA, pose) for pose in poses(4)]
     alone = Renderer(scene, RenderSettings(threads=1))
     assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, poses(4), strict=True))
@@ -143,7 +142,6 @@ def test_without_processes_views_are_drawn_here(scene, folder, monkeypatch, miss
 
 def test_nothing_is_left_behind(folder, started):
     renderer, starter = started
-    assert list(folder.iterdir())
     renderer.close()
     assert starter.ended()
     assert not list(folder.iterdir())
