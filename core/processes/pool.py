@@ -21,6 +21,7 @@ START_LIMIT_S = 3600.0  # to read the scan, which may lie on a slow disk
 JOB_LIMIT_S = 3600.0  # for one photo; one that needs more hangs
 
 Record = dict[str, Any]
+Job = tuple[int, Record]
 Lost = Callable[[int, str], Record]
 
 
@@ -37,8 +38,8 @@ class _Queues:
     left out, or the end of a thread.
     """
 
-    todo: queue.SimpleQueue[tuple[int, Record]] = field(default_factory=queue.SimpleQueue)
-    done: queue.SimpleQueue[tuple[int, Record] | int | _Ended] = field(default_factory=queue.SimpleQueue)
+    todo: queue.SimpleQueue[Job] = field(default_factory=queue.SimpleQueue)
+    done: queue.SimpleQueue[Job | int | _Ended] = field(default_factory=queue.SimpleQueue)
 
 
 class Pool:
@@ -65,7 +66,7 @@ class Pool:
         for thread in self._threads:
             thread.join()
 
-    def run(self, jobs: Sequence[tuple[int, Record]], lost: Lost, started: Callable[[int], None]) -> Iterator[tuple[int, Record]]:
+    def run(self, jobs: Sequence[Job], lost: Lost, started: Callable[[int], None]) -> Iterator[Job]:
         """Yields (index, record) as jobs end. A worker that dies costs its job, whose record `lost(index, words)` makes.
 
         `started` hears from each worker how many Gaussians it left out. A worker that cannot start is done without, which is
