@@ -51,9 +51,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--counts", type=int, nargs="+", default=[1000, 10_000])
     parser.add_argument("--folder", type=Path, help="on the disk to be measured (the system's temporary files)")
-    parser.add_argument(
-        "--only", choices=("journal", "whole file"), help="one of the two (the second takes long)"
-    )
+    parser.add_argument("--only", choices=("journal", "whole file"), help="one of the two (the second takes long)")
     options = parser.parse_args()
     print("| store | records | seconds | ms per record | written, MB | KB per record |")
     print("|---|---|---|---|---|---|")

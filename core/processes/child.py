@@ -32,12 +32,17 @@ def search_path(package: Path) -> str:
     working folder. That may be a downloaded scan's, and a `json.py` in it would be run.
     """
     try:
-        here = os.path.realpath(os.getcwd())
+        here = _name(os.getcwd())
     except OSError:  # a folder that is no more
         here = ""
     # A relative entry would mean another folder wherever the child is started, and one with the separator in it means two.
-    own = [p for p in sys.path if os.path.isabs(p) and os.pathsep not in p and os.path.realpath(p) != here]
+    own = [p for p in sys.path if os.path.isabs(p) and os.pathsep not in p and _name(p) != here]
     return os.pathsep.join([str(package.parent), *own])
+
+
+def _name(folder: str) -> str:
+    """The same for one folder however it is spelt."""
+    return os.path.normcase(os.path.realpath(folder))
 
 
 class Child:

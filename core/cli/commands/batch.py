@@ -93,12 +93,11 @@ def _work(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSe
         if i not in store.records
     ]
     first = {"scene": str(args.scene.resolve()), "settings": {**asdict(settings), "threads": 1}}
-    dropped = 0
+    dropped, failed = 0, sum(record["verdict"] == "failed" for record in store.records.values())
     lost = lambda i, words: error_to_dict(queries[i].camera, f"The worker process ended on this photo ({words}).")  # noqa: E731
     with Pool(first, args.workers) as pool, ProgressBar("Refining") as bar:
 
         def show() -> None:
-            failed = sum(record["verdict"] == "failed" for record in store.records.values())
             bar.show(len(store.records) / len(queries), f"{len(store.records)} of {len(queries)}, {failed} failed")
 
         def started(left_out: int) -> None:
@@ -108,6 +107,7 @@ def _work(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSe
 
         for index, record in pool.run(jobs, lost, started):
             store.put(index, record)
+            failed += record["verdict"] == "failed"
             show()
     if dropped:
         note(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.")

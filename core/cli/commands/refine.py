@@ -62,11 +62,19 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.out is None:
         say(text)
     else:
-        with atomic_write(args.out) as file:
-            file.write(text + "\n")
+        _write(args.out, text)
         say(summary(report))
     code = FAILED_VERDICT if report.verdict == "failed" else OK
     return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,), (mask,))
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        with atomic_write(path) as file:
+            file.write(text + "\n")
+    except OSError:
+        say(text)  # what was found is not lost
+        raise
 
 
 def _mask(masks: Path, photo: Path) -> Path:

@@ -73,11 +73,15 @@ def _check_paths(args: argparse.Namespace, cameras: Sequence[Camera], names: Seq
 def output_names(cameras: Sequence[Camera], fallback: str) -> list[str]:
     """The stem of each camera's file, made unique by a number where two share it; `fallback` where it has none."""
     names: list[str] = []
+    numbers: dict[str, int] = {}  # per stem, the last that was given; systems differ in whether A.png is a.png
+    taken: set[str] = set()
     for camera in cameras:
         stem = Path(camera.file.replace("\\", "/")).stem or fallback
-        name, number = stem, 2
-        while name in names:
-            name, number = f"{stem}_{number}", number + 1
+        name = stem
+        while name.casefold() in taken:
+            numbers[stem] = numbers.get(stem, 1) + 1
+            name = f"{stem}_{numbers[stem]}"
+        taken.add(name.casefold())
         names.append(name)
     return names
 

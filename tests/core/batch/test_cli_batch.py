@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +14,13 @@ import numpy as np
 import pytest
 from cli_place import FAST, Place, hurt_readers
 
+from core.batch.store import ResultStore
 from core.cameras.files import camera_from_dict
 from core.cli.main import main
 from core.geometry.camera import pose_error
-from core.support.atomic import atomic_write
+from core.processes import pool
+from core.splats.ply.reader import write_ply
+from core.synthetic import make_scene
 
 PATIENCE_S = 120
 
@@ -93,6 +97,66 @@ def test_a_finished_batch_starts_no_worker(place, tmp_path, monkeypatch):
     assert not list((tmp_path / "hook").glob("*.pid"))
     assert batch(place, file, out, "--seed", "5") == 0  # other options: everything anew
     assert list((tmp_path / "hook").glob("*.pid"))
+
+
+def refined_anew(place, file, out, hook, scene=None):
+    """How many workers a further run starts: none where nothing has changed."""
+    for pid in hook.glob("*.pid"):
+        pid.unlink()
+    argv = ["batch", str(scene or place.scene), file, "--out", str(out), "--workers", "1", *FAST]
+    assert main(argv) == 0
+    return len(list(hook.glob("*.pid")))
+
+
+def test_answers_of_another_photo_or_scan_of_the_same_name_and_size_are_not_handed_out(place, tmp_path, monkeypatch):
+    hook, out, scene, photo = tmp_path / "hook", tmp_path / "r.json", tmp_path / "scene.ply", place.folder / "exchanged.png"
+    hurt_readers(hook, monkeypatch)
+    scene.write_bytes(place.scene.read_bytes())
+    photo.write_bytes((place.folder / "photo_0.png").read_bytes())
+    file = queries(place, "exchanged.png")
+    assert refined_anew(place, file, out, hook, scene) == 1
+    assert refined_anew(place, file, out, hook, scene) == 0
+    first = frames(out)
+    write_ply(scene, make_scene(5, 12_000))  # another training with a cap on its Gaussians
+    assert scene.stat().st_size == place.scene.stat().st_size
+    assert main(["batch", str(scene), file, "--out", str(out), "--workers", "1", *FAST]) in (0, 3)
+    assert frames(out)[0]["t"] != first[0]["t"]
+    assert frames(out.with_name("r.json.old")) == first
+    scene.write_bytes(place.scene.read_bytes())
+    assert refined_anew(place, file, out, hook, scene) == 1
+    photo.write_bytes(b"".join([photo.read_bytes(), b"x"]))  # pixels stay, and so does the pose
+    assert refined_anew(place, file, out, hook, scene) == 1
+    assert frames(out)[0]["t"] == first[0]["t"]
+
+
+def test_a_batch_refuses_the_results_file_of_another_that_runs(place, tmp_path, capsys):
+    file, out = queries(place, "photo_0.png"), tmp_path / "r.json"
+    with ResultStore(out, ["some key"]):
+        assert batch(place, file, out) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("Another batch is writing to") and captured.err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_system_that_gives_one_process_less_costs_no_photo(place, tmp_path, monkeypatch, caplog):
+    """The second worker cannot be started; on earlier code the batch never came to its end."""
+    start, started = pool.Child, []
+
+    def starts(*args):
+        started.append(args)
+        if len(started) == 2:
+            raise OSError(11, "Resource temporarily unavailable")
+        return start(*args)
+
+    monkeypatch.setattr(pool, "Child", starts)
+    file, codes = queries(place, "photo_0.png", "photo_1.png", "photo_2.png"), []
+    thread = threading.Thread(target=lambda: codes.append(batch(place, file, tmp_path / "r.json")), daemon=True)
+    thread.start()
+    thread.join(PATIENCE_S)
+    assert codes == [0]
+    assert [f["file"] for f in frames(tmp_path / "r.json")] == ["photo_0.png", "photo_1.png", "photo_2.png"]
+    assert "cannot be started (Resource temporarily unavailable)" in caplog.text
 
 
 def test_a_worker_that_dies_costs_one_photo(place, tmp_path, monkeypatch):
@@ -183,20 +247,3 @@ def test_scene_that_breaks_in_the_worker_is_one_sentence(place, tmp_path, capsys
 def test_query_without_a_photo_is_named(place, tmp_path, capsys):
     assert main(["batch", str(place.scene), queries(place, "photo_0.png", ""), "--out", str(tmp_path / "r.json")]) == 2
     assert "Camera 2 of" in capsys.readouterr().err
-
-
-# ---- the file under it
-
-
-def test_atomic_write_leaves_the_old_file_when_the_new_one_fails(tmp_path):
-    path = tmp_path / "a.json"
-    path.write_text("old")
-    with pytest.raises(RuntimeError), atomic_write(path) as file:
-        file.write("half of the new")
-        raise RuntimeError("the power went")
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
-    with atomic_write(path) as file:
-        file.write("new")
-        assert path.read_text() == "old"
-    assert path.read_text() == "new"

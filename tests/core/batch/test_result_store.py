@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -80,7 +81,7 @@ def test_what_is_written_for_a_record_does_not_grow_with_their_number(path, monk
             store.put(i, record(0))
         ends = list(written)
     assert len(ends) == 200
-    steps = {b - a for a, b in zip(ends[:-1], ends[1:], strict=True)}
+    steps = {b - a for a, b in pairwise(ends)}
     assert steps == {len(json.dumps(record(0) | {"key": keys[0]}).encode()) + 1}
     assert len(frames(path)) == 200
 

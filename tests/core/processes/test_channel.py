@@ -81,7 +81,7 @@ def test_an_answer_that_is_no_message_ends_the_child(line):
 
 
 def test_closing_ends_a_request_in_the_middle(echo):
-    channel, child = echo
+    channel, _ = echo
     said = []
 
     def ask():

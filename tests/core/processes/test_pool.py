@@ -28,7 +28,7 @@ while True:
 """
 WELL = WORKER.replace("START", "requests.answer({'dropped': 5})")
 DIES = WORKER.replace("START", "os._exit(3)")
-LATE = WORKER.replace("START", "time.sleep(5); requests.answer({'error': 'Too many open files.'})")
+LATE = WORKER.replace("START", "time.sleep(3); requests.answer({'error': 'Too many open files.'})")
 NO_SCAN = WORKER.replace("START", "requests.answer({'error': 'The scan is none.'})")
 
 

@@ -21,7 +21,7 @@ class Scripted(Child):
     """Runs `code`, in which `requests` are its requests."""
 
     def __init__(self, code):
-        self._said = tempfile.TemporaryFile()
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         command = [sys.executable, "-c", HEAD + textwrap.dedent(code)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said)
 
