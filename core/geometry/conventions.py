@@ -49,7 +49,7 @@ def orientation_matrix(orientation: Orientation) -> FloatArray:
     return matrix
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Similarity:
     """p_scene = scale * rotation @ p_file + translation; scale > 0, rotation (3, 3) proper, translation (3,)."""
 
@@ -71,6 +71,18 @@ class Similarity:
             sizes = ", ".join(f"{x:.4g}" for x in np.linalg.norm(linear, axis=0))
             raise CameraError(f"The splat object is scaled unevenly ({sizes}); give it the same scale in x, y and z.")
         return cls(float(np.cbrt(s.prod())), u @ vt, m[:3, 3].copy())
+
+    def __eq__(self, other: object) -> bool:
+        """Whether scale, rotation and translation are the same numbers."""
+        return (
+            isinstance(other, Similarity)
+            and self.scale == other.scale
+            and np.array_equal(self.rotation, other.rotation)
+            and np.array_equal(self.translation, other.translation)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.scale, (self.rotation + 0.0).tobytes(), (self.translation + 0.0).tobytes()))
 
     def to_scene(self, points: ArrayLike) -> FloatArray:
         """Points of the splat file (N, 3) to the scene."""

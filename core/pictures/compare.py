@@ -29,7 +29,7 @@ STAYED_SHARE = 0.004  # of the long side: a match that moved less between photo 
 SOLID_PIXELS_FOR_EXPOSURE = 100
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """The photo and its render, both (H, W, 3) RGB uint8 in the photo's distorted pixels; `solid` (H, W) bool, where the render
     shows the scan.
@@ -40,7 +40,7 @@ class Comparison:
     solid: NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DrawnMatches:
     """Matches between photo and render at one camera: `photo` and `render` (M, 2) distorted pixels; `good` (M,) those that sit
     at the same place in both.

@@ -33,7 +33,7 @@ SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))  # cv2's test
 CHANNELS = 6  # r, g, b, 1, z - z0, (z - z0)^2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TileImage:
     """Sums over each tile's Gaussians, (tiles, CHANNELS, PIXELS), and the depth z0 (tiles,) that its depths are relative to."""
 

@@ -19,7 +19,7 @@ CHUNK = 1 << 15  # most Gaussians per work item: a dozen float32 columns of it s
 CUT_MARGIN = 2e-3  # so that rounding in the ellipse's edge never loses a pixel whose alpha reaches 1/255
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SceneTables:
     """N Gaussians of opacity >= 1/255, in file order, one row per quantity.
 

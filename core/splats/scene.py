@@ -15,7 +15,7 @@ Float32Array = NDArray[np.float32]
 SH_COEFFICIENTS = (1, 4, 9, 16)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GaussianScene:
     """N Gaussians with activated values, in the coordinates of the splat file. All arrays float32, C-contiguous.
 

@@ -17,7 +17,7 @@ from .object import BASE, SH_PREFIX, check_attribute, is_splat, read_attribute, 
 SHAPE = (("position", 3), ("scale", 3), ("rotation", 4), (BASE, 4))  # before the SH coefficients
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SplatCopy:
     """A splat object's attributes as Blender holds them, copied: means (N, 3), scales (N, 3), rotations (N, 4), base (N, 4)
     with f_dc and opacity, and one (N, 3) array per SH coefficient above degree 0; all float32.

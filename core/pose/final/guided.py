@@ -32,7 +32,7 @@ BORDER_PX = 4
 GATE_PX = 4.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Corners:
     """Corners of the photo: `pixels` (N, 2) in the undistorted photo, `world` (N, 3) what the splat shows there."""
 

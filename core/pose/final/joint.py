@@ -26,7 +26,7 @@ CELL_CORRELATION = 0.3  # variance that matches of one cell share, as a share of
 BLOCK = 1024  # columns of one matrix product
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointProblem:
     """M matches of V views, with density weights (M,); `prior` is the lens as it was given. counts (V,): matches of each view,
     which stand one after the other.
@@ -67,7 +67,7 @@ class JointProblem:
         return np.repeat([robust_across_px(a) for a in views], self.counts)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointFit:
     """The fitted camera, and how well it holds; of which problem, by which stage.
 

@@ -25,7 +25,7 @@ MIN_DEPTH = 1e-12
 MIN_LENGTH = 1e-9  # of a line, pixels per scene unit; below it is what rounding leaves of none
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lifted:
     """M matches of any number of views, in the world.
 
@@ -51,7 +51,7 @@ class Lifted:
         return Lifted(self.points[:, keep], self.rays[:, keep], self.depth_std[keep], self.seen[:, keep])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reprojection:
     """Of M matches, in pixels of the distorted photo.
 

@@ -22,7 +22,7 @@ MIN_SIGMA_PX = 0.15  # a view's residuals cannot be trusted to be quieter than k
 MIN_LINE_NORM = 1e-9  # a view at the very pose of the photo has no lines; this keeps its zeros finite
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EpipolarFit:
     """The refined pose, its cost F, sigma (V,) per view (px), RMS of the inliers (px), and the normal matrix J^T W J (6, 6)."""
 

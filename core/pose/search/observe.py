@@ -43,7 +43,7 @@ class Query:
         return Query(self.image.with_intrinsics(k), self.features)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Observation:
     """One rendered view and its matches with the photo. `camera` is the pinhole it was drawn with, `grey` (H, W) uint8 the
     render, `solid` (H, W) where it is opaque, `median_depth` over that (NaN when there is none), scene units.

@@ -21,7 +21,7 @@ TAILS = (1.0, 99.0)  # per cent of the pixels
 STRETCHED = (16.0, 239.0)  # levels that these go to
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WorkingPhoto:
     """`intrinsics` with distortion; `raw` (H, W) uint8 grey as the lens drew it; `mask` (H, W) bool, True where the photo may
     be used, None when everywhere; `grey` the undistorted `raw`, `aligned` the same locally normalised; `usable` (H, W) bool
