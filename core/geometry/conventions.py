@@ -1,4 +1,4 @@
-"""The only place where an axis is flipped, or a focal length in millimetres becomes pixels (DESIGN 2).
+"""The only place where an axis is flipped, half a pixel is added, or a focal length in millimetres becomes pixels.
 
 Frames: the engine's cameras are OpenCV (x right, y down, z forward), poses world-to-camera; Blender's, nerfstudio's and
 OpenGL's cameras look along -z with y up, given as camera-to-world. COLMAP's cameras are the engine's own: no function needed.
@@ -31,6 +31,7 @@ HALF_TURN_X_SH = np.array([1.0, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1
 NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 VIEW_SENSOR_MM = 72.0  # of Blender's 3D viewport: CAMERA_PARAM_ZOOM_INIT_PERSP = 2 times the camera's 36 mm
+HALF_PIXEL = 0.5  # the engine puts the centre of the top-left pixel at (0.5, 0.5), OpenCV and pixel indices at (0, 0)
 SIMILARITY_TOLERANCE = 1e-3  # Blender's matrices are float32, and users type scales by hand
 
 # Rows: where the file's x, y, z axes go in a z-up scene. Proper rotations all, so that nothing is mirrored.
@@ -40,6 +41,28 @@ _UP_ROTATIONS: dict[Orientation, FloatArray] = {
     "Z_UP": np.eye(3),
     "Z_DOWN": np.diag([1.0, -1.0, -1.0]),
 }
+
+
+def from_opencv_pixels(pixels: ArrayLike) -> FloatArray:
+    """Places (..., 2) that OpenCV, or an index into an image, gives, in the engine's pixels; float64."""
+    return np.asarray(pixels, np.float64) + HALF_PIXEL
+
+
+def to_opencv_pixels(pixels: FloatArray) -> FloatArray:
+    """The engine's pixels (..., 2) as OpenCV counts them. Inverse of `from_opencv_pixels`."""
+    return pixels - HALF_PIXEL
+
+
+def opencv_matrix(intrinsics: Intrinsics) -> FloatArray:
+    """K (3, 3) for OpenCV's pixels."""
+    K = intrinsics.matrix
+    K[:2, 2] -= HALF_PIXEL
+    return K
+
+
+def pixel_centres(count: int, first: int = 0) -> FloatArray:
+    """Where the centres of `count` pixels of a row or a column lie (count,), from pixel number `first` on."""
+    return np.arange(first, first + count, dtype=np.float64) + HALF_PIXEL
 
 
 def orientation_matrix(orientation: Orientation) -> FloatArray:

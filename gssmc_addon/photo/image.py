@@ -108,7 +108,8 @@ def _light(image: bpy.types.Image) -> np.ndarray:
 def load_image(path: str, photo: Photo) -> bpy.types.Image:
     """The Blender image of a photo, upright. `photo` is what the engine read from `path`."""
     image = bpy.data.images.load(path, check_existing=True)
-    if not photo.stored_upright or tuple(image.size) != (photo.width, photo.height):  # Blender ignores EXIF rotation; the engine does not
+    # Blender ignores EXIF rotation; the engine does not.
+    if not photo.stored_upright or tuple(image.size) != (photo.width, photo.height):
         if image.users == 0:
             bpy.data.images.remove(image)
         image = packed_copy(Path(path).name, photo)

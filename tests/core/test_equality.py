@@ -41,8 +41,8 @@ def test_similarities_are_equal_by_their_numbers():
 
 
 def test_what_holds_pixels_is_itself_alone():
-    photo = Photo(np.zeros((4, 4, 3), np.uint8))
-    assert photo == photo and photo != dataclasses.replace(photo) and len({photo, photo}) == 1
+    photo = other = Photo(np.zeros((4, 4, 3), np.uint8))
+    assert photo == other and photo != dataclasses.replace(photo) and len({photo, photo}) == 1
 
 
 def dataclasses_of_core():
