@@ -35,7 +35,7 @@ class RenderSettings:
         return cls(min(INRIA_NEAR, NEAR_RATIO * float(np.median(radius))) or INRIA_NEAR, threads)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RenderedView:
     """One render of the splat, all float32, on a black background.
 
