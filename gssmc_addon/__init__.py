@@ -26,11 +26,11 @@ from ..operators import (
     undistort_photo,
 )
 from .headless import command as cli
+from .jobs import slot as jobs
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
-from .refine import job as jobs
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..refine import job as jobs
+from ..jobs import slot as jobs
 from ..refine import panel as panels
 from ..registration import camera_props
 from ..support.texts import iface_

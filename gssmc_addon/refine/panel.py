@@ -6,16 +6,15 @@ import textwrap
 
 import bpy
 
-from ..jobs.machine import Job
+from ..jobs import slot as jobs
+from ..jobs.machine import CATEGORY, Job
 from ..photo import image as photo_image
 from ..registration import camera_props, preferences
 from ..registration import settings as settings_props
 from ..splat import object as splat_object
 from ..support.texts import iface_
 from ..viewport import props as viewport_props
-from . import job as jobs
 
-CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4
 
 
