@@ -89,6 +89,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         trusted = not job.bad and all(report.verdict == "trusted" for report in job.reports.values())
         reasons = [job.summary(), *sorted({f"{message}" for message in job.bad.values()})][:4]
         camera_props.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
+        camera.data.gssmc.solution = ""  # of one frame, where there was one
         camera.data.gssmc.bad_frames = frame_list(job.bad)
         values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
         message = rpt_('"{name}": {summary} {count} keys were set.', **values)
