@@ -1,34 +1,29 @@
-"""What a camera was solved to be, kept on it as one record, and whether it still is that.
+"""Whether a camera still is what it was solved to be, which its record tells (see record), and the way back.
 
-The record holds the pose in the splat file's coordinates and the lens in the photo's pixels. Whether the camera still agrees is
-worked out when somebody asks, from where it stands then: so nothing that moves it can go unnoticed, be it undo, a parent,
-a keyframe or a script, and splat and camera that are moved together stay solved.
+That is worked out when somebody asks, from where the camera stands then: so nothing that moves it can go unnoticed, be it undo,
+a parent, a keyframe or a script, and splat and camera that are moved together stay solved.
 """
 
 from __future__ import annotations
 
-import json
-import logging
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import bpy
 import numpy as np
 
-from ...core.cameras.files import camera_from_dict, camera_to_dict
-from ...core.errors import CameraError, GssmcError
-from ...core.geometry.camera import Camera, Intrinsics, Pose, pose_error
+from ...core.errors import CameraError
+from ...core.geometry.camera import Intrinsics, Pose, pose_error
 from ...core.pose.report import RefineReport
 from ..photo import image as photo_image
+from ..plate import source as plate_source
 from ..registration.camera_props import note_verdict
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 from . import channels as camera_channels
+from . import keys as camera_keys
+from . import record as camera_record
+from .record import Solution
 
-log = logging.getLogger(__name__)
-
-MOVING = ("SEQUENCE", "MOVIE")  # sources of an image that is another photo at every frame
 # Blender keeps float32. What is allowed is below a tenth of a pixel of a photo of some thousand pixels.
 SAME_PLACE = 1e-4  # of the median depth
 SAME_TURN_DEG = 0.01
@@ -44,24 +39,6 @@ TITLES = {
     "MOVED": n_("Moved since it was solved"),
     "LENS": n_("The lens changed since it was solved"),
 }
-
-
-@dataclass(frozen=True)
-class Solution:
-    """The record. `camera` belongs to the photo at the size that was refined; `frame` of the scene where the photo moves.
-
-    `median_depth` is in units of the splat's file, `points` the splat's count; `lens_state` as in camera_props.
-    """
-
-    camera: Camera
-    verdict: str
-    reasons: tuple[str, ...]
-    iterations: int
-    seconds: float
-    lens_state: str
-    median_depth: float = 0.0
-    points: int = 0
-    frame: int | None = None
 
 
 def of_report(report: RefineReport, lens_state: str) -> Solution:
@@ -81,27 +58,16 @@ def of_report(report: RefineReport, lens_state: str) -> Solution:
 def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, found: Solution) -> None:
     """Writes the record of a camera that was just set to it, and its verdict."""
     note, image = camera.data.gssmc, photo_image.camera_photo(camera)
-    moves = image is not None and image.source in MOVING
+    moves = image.source in plate_source.MOVING if image else plate_source.has_clip(camera)
     found = replace(found, points=len(splat.data.points), frame=scene.frame_current if moves else None)
     note_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
     note.lens_state = found.lens_state
-    note.solution, note.solved_photo = json.dumps(_to_dict(found)), image
-
-
-def read(data: bpy.types.Camera) -> Solution | None:
-    """The camera's record; None where there is none that can be read."""
-    if not data.gssmc.solution:
-        return None
-    try:
-        return _from_dict(json.loads(data.gssmc.solution))
-    except (GssmcError, LookupError, TypeError, ValueError) as error:
-        log.warning("The solution kept on %s cannot be read: %s", data.name, error)
-        return None
+    note.solution, note.solved_photo = camera_record.dumps(found), image
 
 
 def change(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     """What is no longer as it was solved, a key of TITLES; "" when all is, or the camera was never solved."""
-    found = read(camera.data)
+    found = camera_record.read(camera.data)
     if found is None:
         return ""
     return _change_of_photo(scene, camera, found) or _change_of_camera(scene, camera, found)
@@ -109,22 +75,34 @@ def change(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
 
 def _change_of_photo(scene: bpy.types.Scene, camera: bpy.types.Object, found: Solution) -> str:
     image, size = photo_image.camera_photo(camera), photo_image.own_size(camera.data)
-    if image is None or image != camera.data.gssmc.solved_photo or not _has_shape(found.camera.intrinsics, size):
+    gone = image is None and not plate_source.has_clip(camera)
+    if gone or image != camera.data.gssmc.solved_photo or not _has_shape(found.camera.intrinsics, size):
         return "PHOTO"
-    return "FRAME" if found.frame is not None and found.frame != scene.frame_current else ""
+    return "FRAME" if _other_frame(scene, found) else ""
+
+
+def _other_frame(scene: bpy.types.Scene, found: Solution) -> bool:
+    """Whether the photo moves and the scene shows a frame of it for which nothing was solved."""
+    now = scene.frame_current
+    if found.path:
+        return not min(found.path) <= now <= max(found.path)
+    return found.frame is not None and found.frame != now
 
 
 def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, found: Solution) -> str:
-    splat, lens = scene.gssmc.splat, found.camera.intrinsics
+    splat, then = scene.gssmc.splat, found.at(scene.frame_current)
     if splat is None or splat.type != "POINTCLOUD" or len(splat.data.points) != found.points:
         return "SPLAT"
+    if then is None:  # between two keyframes
+        return ""
+    lens = then.intrinsics
     try:
         now = camera_bridge.read_camera(scene, camera, splat).at_size(lens.width, lens.height)
     except CameraError:  # it became orthographic, or sheared; or the splat did
         return "MOVED"
     reach = max(camera.matrix_world.translation.length, splat.matrix_world.translation.length)
     slack = SAME_PLACE * found.median_depth + FLOAT32 * reach / splat.matrix_world.median_scale
-    if not _is_same_pose(now.pose, found.camera.pose, slack):
+    if not _is_same_pose(now.pose, then.pose, slack):
         return "MOVED"
     return "" if _is_same_lens(now.intrinsics, lens) else "LENS"
 
@@ -138,9 +116,11 @@ def verdict(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
 def title(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     """One line on what changed since the camera was solved; "" when nothing did."""
     what = change(scene, camera)
-    if what == "FRAME":
-        found = read(camera.data)
-        return iface_("Solved at frame {frame}", frame=found.frame if found else 0)
+    found = camera_record.read(camera.data) if what == "FRAME" else None
+    if found and found.path:
+        return iface_("Solved from frame {first} to {last}", first=min(found.path), last=max(found.path))
+    if found:
+        return iface_("Solved at frame {frame}", frame=found.frame)
     return iface_(TITLES[what]) if what else ""
 
 
@@ -149,23 +129,30 @@ def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
 
     Raises CameraError, with nothing changed, when there is no record, or camera or splat cannot carry it.
     """
-    found, splat = read(camera.data), scene.gssmc.splat
+    found, splat = camera_record.read(camera.data), scene.gssmc.splat
     if found is None:
         raise CameraError(rpt_('The camera "{name}" was never solved; use Refine Camera.', name=camera.name))
     if splat is None or splat.type != "POINTCLOUD":
         raise CameraError(rpt_("The solution stands in the splat; import or pick the splat first."))
     camera_channels.check_writable(camera)
-    if found.frame is not None and found.frame != scene.frame_current:
-        scene.frame_set(found.frame)  # of a moving photo another frame has another camera
-    camera_bridge.write_camera(scene, camera, splat, found.camera)
+    keyed = _write(scene, camera, splat, found)
     note = camera.data.gssmc
     if note.solved_photo and photo_image.camera_photo(camera) != note.solved_photo:
         note.photo = note.solved_photo  # its update shows it
         camera_bridge.write_intrinsics(scene, camera.data, found.camera.intrinsics)
-    keyed = camera_channels.write_keyframes(scene, camera)
     note_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
     note.lens_state = found.lens_state
     return keyed
+
+
+def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, found: Solution) -> str:
+    if found.path:
+        camera_keys.write(scene, camera, splat, dict(found.path), found.keys_lens)
+        return rpt_("Its keyframes are those that were solved.")
+    if found.frame is not None and found.frame != scene.frame_current:
+        scene.frame_set(found.frame)  # of a moving photo another frame has another camera
+    camera_bridge.write_camera(scene, camera, splat, found.camera)
+    return camera_channels.write_keyframes(scene, camera)
 
 
 def _has_shape(lens: Intrinsics, size: tuple[int, int]) -> bool:
@@ -183,28 +170,3 @@ def _is_same_lens(now: Intrinsics, then: Intrinsics) -> bool:
     centre = np.hypot(now.cx - then.cx, now.cy - then.cy) / max(then.width, then.height)
     bent = [abs(a - b) / max(1.0, abs(b)) for a, b in zip(now.dist, then.dist, strict=True)]
     return max(*focal, centre) <= SAME_LENS and max(bent) <= SAME_DISTORTION
-
-
-def _to_dict(found: Solution) -> dict[str, Any]:
-    names = ("verdict", "iterations", "seconds", "lens_state", "median_depth", "points", "frame")
-    said = {name: getattr(found, name) for name in names}
-    return {**camera_to_dict(found.camera), **said, "reasons": list(found.reasons)}
-
-
-def _from_dict(data: dict[str, Any]) -> Solution:
-    """Raises CameraError, or what Python raises for a value of another kind."""
-    return Solution(
-        camera_from_dict(data, "The solution"),
-        str(data["verdict"]),
-        _sentences(data["reasons"]),
-        int(data["iterations"]),
-        float(data["seconds"]),
-        str(data["lens_state"]),
-        float(data["median_depth"]),
-        int(data["points"]),
-        None if data["frame"] is None else int(data["frame"]),
-    )
-
-
-def _sentences(value: Sequence[Any]) -> tuple[str, ...]:
-    return tuple(str(item) for item in value)

@@ -19,7 +19,7 @@ from ...core.pose.report_json import report_to_dict
 from ...core.splats import read_splats
 from ..camera import bridge as camera_bridge
 from ..camera import solution as camera_solution
-from ..camera.solution import Solution
+from ..camera.record import Solution
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..registration import camera_props

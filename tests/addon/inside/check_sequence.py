@@ -81,6 +81,46 @@ def test_the_camera_follows_the_plate(bpy, plate, extension, mode, step):
     assert off[:, 0].max() < 0.02
     assert off[:, 1].max() < 0.3
     assert camera.data.gssmc.bad_frames == ""
+    assert changes(bpy, extension, scene, range(1, COUNT + 1)) == [""] * COUNT
+    assert camera.data.gssmc.verdict in ("TRUSTED", "CHECK")
+
+
+def changes(bpy, extension, scene, frames):
+    """What is no longer as it was solved, at each of the frames."""
+    found = []
+    for frame in frames:
+        scene.frame_set(frame)
+        found.append(extension("gssmc_addon.camera.solution").change(scene, scene.camera))
+    return found
+
+
+@pytest.mark.parametrize("zoom", [False, True])
+def test_a_plate_is_solved_frame_by_frame_and_its_keys_come_back(bpy, plate, extension, zoom):
+    scene, truths = set_up(bpy, plate), plate[1]
+    camera, splat, solution = scene.camera, scene.gssmc.splat, extension("gssmc_addon.camera.solution")
+    record, engine = extension("gssmc_addon.camera.record"), extension("core.geometry.camera")
+    path = {}
+    for frame in (1, 4, 9):
+        k, pose = truths[frame - 1].intrinsics, truths[frame - 1].pose
+        focal = k.fx * (1 + 0.1 * frame * zoom)
+        lens = engine.Intrinsics(k.width, k.height, focal, focal, k.cx, k.cy, k.dist)
+        path[frame] = engine.Camera(lens, engine.Pose(pose.R, pose.t))
+    extension("gssmc_addon.camera.keys").write(scene, camera, splat, path, zoom)
+    solution.keep(scene, camera, splat, record.Solution(path[1], "trusted", ("It sits.",), 3, 1.0, "SOLVED", 3.0, path=path))
+    frames = (1, 3, 4, 9)
+    assert changes(bpy, extension, scene, frames) == [""] * 4
+    scene.render.resolution_x, scene.render.resolution_y = 500, 900
+    bpy.context.view_layer.update()
+    assert changes(bpy, extension, scene, frames) == [""] * 4
+    scene.frame_set(12)
+    assert solution.title(scene, camera) == "Solved from frame 1 to 9"
+    scene.frame_set(4)
+    camera.location.x += 0.1
+    camera.keyframe_insert("location", frame=4)
+    assert changes(bpy, extension, scene, frames) == ["", "", "MOVED", ""]
+    assert bpy.ops.gssmc.back_to_solution() == {"FINISHED"}
+    assert changes(bpy, extension, scene, frames) == [""] * 4
+    assert all(found == {1, 4, 9} for found in keyed(camera, "location"))
 
 
 def test_a_bad_frame_is_flagged_and_the_gap_filled(bpy, plate, extension):
