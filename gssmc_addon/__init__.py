@@ -8,6 +8,7 @@ from ..operators import (
     add_photo,
     add_photos,
     add_plate,
+    back_to_solution,
     camera_from_view,
     cancel,
     export_cameras,
@@ -25,6 +26,7 @@ from ..operators import (
     set_mask,
     undistort_photo,
 )
+from .camera import frame as camera_frame
 from .headless import command as cli
 from .jobs import slot as jobs
 from .photo import panel as photo_panel
@@ -51,6 +53,7 @@ _class_modules = (
     import_cameras,
     export_cameras,
     camera_from_view,
+    back_to_solution,
     match_resolution,
     undistort_photo,
     report_problem,
@@ -73,6 +76,7 @@ def register() -> None:
     menus.register()
     preferences.register()
     jobs.register()
+    camera_frame.register()
     viewport.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
@@ -80,6 +84,7 @@ def register() -> None:
 def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
     viewport.unregister()
+    camera_frame.unregister()
     flicker.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())

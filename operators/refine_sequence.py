@@ -6,11 +6,12 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty
 from ..core.errors import GssmcError, RefineError
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.camera import keys as camera_keys
+from ..gssmc_addon.camera import solution as camera_solution
+from ..gssmc_addon.camera.record import Solution
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.plate.job import SequenceJob, SequenceOptions, frame_list
-from ..gssmc_addon.registration import camera_props
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.support import problem
@@ -100,7 +101,12 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         seconds = sum(report.seconds for report in job.reports.values())
         trusted = not job.bad and all(report.verdict == "trusted" for report in job.reports.values())
         reasons = [job.summary(), *sorted({f"{message}" for message in job.bad.values()})][:4]
-        camera_props.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
+        verdict = "trusted" if trusted else "check"
+        solved = job.options.key_lens and job.settings.lens != "fixed"
+        state = "SOLVED" if solved else camera.data.gssmc.lens_state
+        first, count, depth = cameras[min(cameras)], len(job.reports), job.median_depth
+        found = Solution(first, verdict, tuple(reasons), count, seconds, state, depth, path=cameras)
+        camera_solution.keep(scene, camera, splat, found)
         camera.data.gssmc.bad_frames = frame_list(job.bad)
         values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
         message = rpt_('"{name}": {summary} {count} keys were set.', **values)

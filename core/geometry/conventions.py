@@ -182,6 +182,11 @@ class BlenderLens:
     pixel_aspect_x: float = 1.0
     pixel_aspect_y: float = 1.0
 
+    @property
+    def pixel(self) -> float:
+        """How wide a pixel is shown, in its heights."""
+        return self.pixel_aspect_x / self.pixel_aspect_y
+
     def _sensor_and_size(self, width: int, height: int) -> tuple[float, float]:
         """Sensor length (mm) along the fitted axis, and the image's extent along it in square units (pixels x aspect)."""
         across, down = width * self.pixel_aspect_x, height * self.pixel_aspect_y
@@ -224,29 +229,55 @@ def blender_from_intrinsics(intrinsics: Intrinsics, like: BlenderLens) -> Blende
     )
 
 
-def photo_in_frame(frame: Intrinsics, width: int, height: int) -> Intrinsics:
+def photo_in_frame(
+    frame: Intrinsics, width: int, height: int, frame_pixel: float = 1.0, photo_pixel: float = 1.0
+) -> Intrinsics:
     """The camera of a `width` x `height` photo that lies in the middle of the frame, as large as fits whole (Blender's "Fit").
 
-    The frame is the camera of the whole render; where the shapes are the same, the photo fills it.
+    The frame is the camera of the whole render; where the shapes are the same, the photo fills it. `frame_pixel` and
+    `photo_pixel`: how wide a pixel of each is shown, in its heights.
     """
-    scale = min(frame.width / width, frame.height / height)
-    return _recentred(frame, width, height, 1 / scale)
+    across, down = _photo_pixel_in_frame((width, height), (frame.width, frame.height), frame_pixel, photo_pixel)
+    return _recentred(frame, (width, height), (1 / across, 1 / down))
 
 
-def frame_around_photo(photo: Intrinsics, width: int, height: int) -> Intrinsics:
+def frame_around_photo(
+    photo: Intrinsics, width: int, height: int, frame_pixel: float = 1.0, photo_pixel: float = 1.0
+) -> Intrinsics:
     """The camera of a `width` x `height` render in which the photo lies as `photo_in_frame` says; its inverse."""
-    return _recentred(photo, width, height, min(width / photo.width, height / photo.height))
+    size = photo.width, photo.height
+    return _recentred(photo, (width, height), _photo_pixel_in_frame(size, (width, height), frame_pixel, photo_pixel))
 
 
-def _recentred(k: Intrinsics, width: int, height: int, scale: float) -> Intrinsics:
+def pixel_shape(intrinsics: Intrinsics) -> float:
+    """Width over height of a pixel on a sensor whose one focal length is fx pixel widths, and fy pixel heights, long."""
+    return intrinsics.fy / intrinsics.fx
+
+
+def pixel_aspects(shape: float) -> tuple[float, float]:
+    """A pixel's width over height as Blender has it: two numbers of which the smaller one is 1."""
+    return (shape, 1.0) if shape >= 1 else (1.0, 1 / shape)
+
+
+def _photo_pixel_in_frame(
+    photo: tuple[int, int], frame: tuple[int, int], frame_pixel: float, photo_pixel: float
+) -> tuple[float, float]:
+    """How many pixels of the frame a photo's pixel is wide and high, with the photo as large as fits whole."""
+    stretch = photo_pixel / frame_pixel
+    scale = min(frame[0] / (photo[0] * stretch), frame[1] / photo[1])
+    return scale * stretch, scale
+
+
+def _recentred(k: Intrinsics, size: tuple[int, int], scale: tuple[float, float]) -> Intrinsics:
+    (width, height), (across, down) = size, scale
     return replace(
         k,
         width=width,
         height=height,
-        fx=k.fx * scale,
-        fy=k.fy * scale,
-        cx=(k.cx - k.width / 2) * scale + width / 2,
-        cy=(k.cy - k.height / 2) * scale + height / 2,
+        fx=k.fx * across,
+        fy=k.fy * down,
+        cx=(k.cx - k.width / 2) * across + width / 2,
+        cy=(k.cy - k.height / 2) * down + height / 2,
     )
 
 

@@ -19,6 +19,7 @@ from ...core import cameras as datasets
 from ...core.cameras.files import Start
 from ...core.cameras.training_world import read_training_world
 from ...core.errors import CameraError, GssmcError
+from ...core.geometry import conventions
 from ...core.geometry.camera import Camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
@@ -171,7 +172,8 @@ class CameraImport(Job):
         self.step = iface_("Making cameras")
         scene, lens = jobs.by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
         self._size = scene.render.resolution_x, scene.render.resolution_y
-        photo_camera.frame(scene, lens.width, lens.height, self._set_resolution)
+        pixel = conventions.pixel_shape(lens)
+        photo_camera.frame(scene, (lens.width, lens.height), self._set_resolution, pixel)
         self._collection = bpy.data.collections.new(self._path.stem or self._path.name).session_uid
         self._left = usable[::-1]
 
@@ -184,6 +186,7 @@ class CameraImport(Job):
             obj.data.gssmc.photo = _image(item.file, item.turned)
             self.shown += 1
         camera_bridge.write_new_camera(scene, obj, jobs.by_uid(scene.objects, self._splat), item.camera)
+        obj.data.gssmc.lens_state = "GUESSED" if item.camera.focal_guessed else "CALIBRATED"
         self._first = self._first or obj.session_uid
         self.made += 1
 

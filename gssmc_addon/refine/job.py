@@ -19,8 +19,10 @@ from ...core.pose.settings import RefineSettings
 from ...core.render import memory
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
+from ..camera import solution as camera_solution
 from ..jobs.machine import Job
 from ..jobs.worker import RefineInputs, refinement
+from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..photo import mask as mask_source
 from ..plate import source as plate_source
@@ -152,11 +154,15 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
     notes = []
     if report.verdict != "failed":
         camera_channels.check_writable(camera)
-        if camera_bridge.write_camera(scene, camera, splat, report.camera):
-            notes.append(rpt_("The render's pixel aspect was set to the camera's."))
+        camera_bridge.write_camera(scene, camera, splat, report.camera)
         if keyed := camera_channels.write_keyframes(scene, camera):
             notes.append(keyed)
-    camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
+        state = camera.data.gssmc.lens_state
+        camera_solution.keep(scene, camera, splat, camera_solution.of_report(report, state))
+        if camera == scene.camera:
+            photo_camera.stop_moving_with_view()
+    else:
+        camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
