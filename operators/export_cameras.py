@@ -58,7 +58,8 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         if self.world:
             found = camera_exchange.out_of_training_world(found, Path(bpy.path.abspath(self.world)))
         camera_exchange.write(path, self.format, found)
-        return self.done(context, rpt_("{count} cameras were written to '{path}'.", count=len(found), path=path))
+        told = rpt_("{count} cameras were written to '{path}'.", count=len(found), path=path)
+        return self.done(context, rpt_("1 camera was written to '{path}'.", path=path) if len(found) == 1 else told)
 
     def _objects(self, context):
         source = context.selected_objects if self.selected else context.scene.objects

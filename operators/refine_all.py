@@ -1,7 +1,7 @@
 """Refine All: the photos of the list, one after the other."""
 
 import bpy
-from bpy.props import EnumProperty
+from bpy.props import BoolProperty, EnumProperty
 
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import list as photo_list
@@ -25,6 +25,11 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
 
     __annotations__ = {
         "which": EnumProperty(name="Which", items=WHICH, default="ALL", description="Which photos are refined"),
+        "again": BoolProperty(
+            name="Try Again",
+            default=True,
+            description="Photos of which no camera was found are tried again from those of solved photos, up to four",
+        ),
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
     }
@@ -44,12 +49,12 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
-        return photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties))
+        return photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)
 
     def apply(self, context, job, result):
         message = job.summary()
         self.tell(context, message, "ERROR" if job.failed else "INFO")
-        clean = job.verdicts["trusted"] == job.count
+        clean = job.verdicts["trusted"] == job.items
         self.report({"INFO" if clean else "WARNING"}, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..core.errors import RefineError
-from ..gssmc_addon.camera import channels as camera_channels
+from ..gssmc_addon.camera import bridge as camera_bridge
 from ..gssmc_addon.camera import keys as camera_keys
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import source as plate_source
@@ -69,29 +69,31 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
-        splat_object.check_picked(scene, scene.gssmc.splat)
+        splat = scene.gssmc.splat
+        splat_object.check_picked(scene, splat)
         low, high = self._range(context)
         start, end = (
             getattr(self, name) if self.properties.is_property_set(name) else default
             for name, default in (("start", low), ("end", high))
         )
-        camera_channels.check_writable(scene.camera)
+        camera = scene.camera
+        camera_keys.check(scene, camera, splat, {scene.frame_current: camera_bridge.read_camera(scene, camera, splat).pose})
         options = SequenceOptions(start, end, self.step, self.smooth_frames, self.every_frame, self.key_lens)
         settings = settings_props.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
-        return SequenceJob(scene, scene.camera, options, settings)
+        return SequenceJob(scene, camera, options, settings)
 
     def apply(self, context, job, result):
         scene, splat, camera = job.find()
-        camera_channels.check_writable(camera)
         cameras = job.path()
         camera_keys.write(scene, camera, splat, cameras, job.options.key_lens)
         seconds = sum(report.seconds for report in job.reports.values())
-        trusted = not job.bad and all(report.verdict == "trusted" for report in job.reports.values())
-        reasons = [job.summary(), *sorted({f"{message}" for message in job.bad.values()})][:4]
-        camera_props.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
-        camera.data.gssmc.bad_frames = frame_list(job.bad)
+        trusted = not job.bad and not job.doubtful
+        camera_props.note_verdict(camera.data, "trusted" if trusted else "check", job.reasons(), 0, seconds)
+        camera.data.gssmc.frames_done, camera.data.gssmc.bad_frames = job.items, frame_list(job.bad)
         values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
         message = rpt_('"{name}": {summary} {count} keys were set.', **values)
+        if len(cameras) == 1:
+            message = rpt_('"{name}": {summary} 1 key was set.', **values)
         return self.done(context, message, "INFO" if trusted else "WARNING")
 
     def _range(self, context):

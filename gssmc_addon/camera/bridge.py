@@ -86,7 +86,16 @@ def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.ty
 
     Raises CameraError, with the camera as it was, when splat or parent can no longer carry it.
     """
-    matrix = _matrix_of(splat, result)
+    write_pose(scene, camera, splat, result.pose)
+    return _write_lens_of(scene, camera, result)
+
+
+def write_pose(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, pose: Pose) -> None:
+    """Writes the pose alone, and sees that the camera took it; world scale becomes 1.
+
+    Raises CameraError, with the camera as it was, when splat or parent cannot carry it.
+    """
+    matrix = _matrix_of(splat, pose)
     before = camera.matrix_basis.copy()
     camera.matrix_world = matrix
     for layer in scene.view_layers:
@@ -103,19 +112,18 @@ def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.ty
                 name=camera.name,
             )
         )
-    return _write_lens_of(scene, camera, result)
 
 
 def write_new_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, result: Camera) -> None:
     """As `write_camera`, of a camera object without parent that is not yet in the scene: nothing else can move it, so no view
     layer has to be evaluated to see where it stands, which takes longer the more objects there are.
     """
-    camera.matrix_world = _matrix_of(splat, result)
+    camera.matrix_world = _matrix_of(splat, result.pose)
     _write_lens_of(scene, camera, result)
 
 
-def _matrix_of(splat: bpy.types.Object, result: Camera) -> Matrix:
-    return Matrix(conventions.pose_to_blender(result.pose, splat_similarity(splat)).tolist())
+def _matrix_of(splat: bpy.types.Object, pose: Pose) -> Matrix:
+    return Matrix(conventions.pose_to_blender(pose, splat_similarity(splat)).tolist())
 
 
 def _write_lens_of(scene: bpy.types.Scene, camera: bpy.types.Object, result: Camera) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import fields
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ...core.pose.presets import QUALITIES
 from ...core.pose.settings import RefineSettings, choices
 from . import preferences
 
@@ -25,8 +27,15 @@ TITLES = {  # where the field's own name does not fit into the sidebar
     "perturb_translation_units": "Shift (units)",
     "perturb_rotation_deg": "Turn (deg)",
 }
+LENS = "lens"  # stands in the Lens panel, and belongs to no quality
 MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
 AUTO_ITEM = (AUTO, "Auto", "SIFT; ALIKED takes over where it finds no answer, if there is a model of it")
+QUALITY_ITEMS = (
+    ("DRAFT", "Draft", "Fewer views of smaller pictures: for a first look, and for going through many photos quickly", 0),
+    ("NORMAL", "Normal", "GS-SMC's own settings", 1),
+    ("BEST", "Best", "More views, and larger pictures for the last stage: for the final camera of a large photo", 2),
+    ("CUSTOM", "Custom", "Values of your own, set below", 3),
+)
 CHOICES = {
     "features": [*((name, kind.title, kind.text[:1].upper() + kind.text[1:]) for name, kind in EXTRACTORS.items()), AUTO_ITEM],
     "matcher": [(name, kind.title, kind.text[:1].upper() + kind.text[1:]) for name, kind in MATCHERS.items()],
@@ -47,6 +56,41 @@ def _title(name: str) -> str:
     words = name.removesuffix("_ratio").split("_")
     unit = f" ({words.pop()})" if words[-1] in {"px", "deg"} else ""
     return " ".join(words).title() + unit
+
+
+def quality_annotation() -> EnumProperty:
+    """What is chosen instead of single settings. It keeps nothing of its own: it is read from the settings, and sets them."""
+    return EnumProperty(
+        name="Quality",
+        items=QUALITY_ITEMS,
+        default="NORMAL",
+        get=_quality,
+        set=_set_quality,
+        description="How much work goes into a camera; it sets some of the values below",
+        options={"SKIP_SAVE"},
+    )
+
+
+def _quality(owner: bpy.types.bpy_struct) -> int:
+    """The number of the quality whose values are set, that of CUSTOM when it is none's."""
+    return next((number for number, values in enumerate(QUALITIES.values()) if _has(owner, values)), len(QUALITIES))
+
+
+def _has(owner: bpy.types.bpy_struct, values: Mapping[str, object]) -> bool:
+    return all(getattr(owner, name) == value for name, value in values.items())
+
+
+def _set_quality(owner: bpy.types.bpy_struct, number: int) -> None:
+    if number < len(QUALITIES):
+        for name, value in list(QUALITIES.values())[number].items():
+            setattr(owner, name, value)
+
+
+def reset(owner: bpy.types.bpy_struct) -> None:
+    """Gives all settings, but for the lens, which has a panel of its own, the engine's defaults."""
+    for name in settings_annotations():
+        if name != LENS:
+            owner.property_unset(name)
 
 
 def settings_annotations() -> dict[str, object]:

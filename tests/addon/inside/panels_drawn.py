@@ -7,10 +7,11 @@ class Layout:
     """`said`: texts of labels and progress bars, names of operators and properties, in order."""
 
     def __init__(self):
-        self.said = []
+        self.said, self.labels = [], 0
 
     def label(self, text="", icon="NONE", translate=True, icon_value=0):
         self.said.append(text)
+        self.labels += 1
 
     def progress(self, factor=0.0, text=""):
         self.said.append(text)
@@ -22,6 +23,13 @@ class Layout:
     def prop(self, owner, name, **_):
         assert hasattr(owner, name)
         self.said.append(name)
+
+    def prop_enum(self, owner, name, value, **_):
+        assert value in owner.bl_rna.properties[name].enum_items
+        self.said.append(value)
+
+    def template_list(self, *_, **__):
+        pass
 
     def separator(self):
         pass
