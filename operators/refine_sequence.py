@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..core.errors import RefineError
-from ..gssmc_addon.camera import bridge as camera_bridge
+from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.camera import keys as camera_keys
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import source as plate_source
@@ -69,18 +69,16 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
-        splat = scene.gssmc.splat
-        splat_object.check_picked(scene, splat)
+        splat_object.check_picked(scene, scene.gssmc.splat)
         low, high = self._range(context)
         start, end = (
             getattr(self, name) if self.properties.is_property_set(name) else default
             for name, default in (("start", low), ("end", high))
         )
-        camera = scene.camera
-        camera_keys.check(scene, camera, splat, {scene.frame_current: camera_bridge.read_camera(scene, camera, splat).pose})
+        camera_channels.check_writable(scene.camera)
         options = SequenceOptions(start, end, self.step, self.smooth_frames, self.every_frame, self.key_lens)
         settings = settings_props.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
-        return SequenceJob(scene, camera, options, settings)
+        return SequenceJob(scene, scene.camera, options, settings)
 
     def apply(self, context, job, result):
         scene, splat, camera = job.find()

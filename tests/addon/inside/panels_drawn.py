@@ -7,11 +7,10 @@ class Layout:
     """`said`: texts of labels and progress bars, names of operators and properties, in order."""
 
     def __init__(self):
-        self.said, self.labels = [], 0
+        self.said = []
 
     def label(self, text="", icon="NONE", translate=True, icon_value=0):
         self.said.append(text)
-        self.labels += 1
 
     def progress(self, factor=0.0, text=""):
         self.said.append(text)
@@ -38,3 +37,17 @@ class Layout:
         return self
 
     row = box = column
+
+
+def drawn(bpy, extension, width=2000):
+    """What the main panel says in a sidebar of this width, wide by default."""
+    layout, context = Layout(), bpy.context
+    seen = SimpleNamespace(
+        scene=context.scene,
+        window_manager=context.window_manager,
+        space_data=SimpleNamespace(lock_camera=False),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
+        region=SimpleNamespace(width=width),
+    )
+    extension("gssmc_addon.refine.panel").GSSMC_PT_main.draw(SimpleNamespace(layout=layout), seen)
+    return layout.said
