@@ -16,14 +16,20 @@ from ...core.pose.report import RefineReport
 from ...core.pose.report_json import report_to_dict
 
 MODULES = ("numpy", "cv2", "scipy", "plyfile")
-LEFT_OUT = ("file", "R", "t", "start")
+LEFT_OUT = ("file", "R", "t", "start", "pose")
 _last: dict[str, Any] = {}  # of this session; never saved
 
 
 def remember(report: RefineReport) -> None:
     """Keeps what the last refinement found, without names and poses."""
     _last.clear()
-    _last.update({key: value for key, value in report_to_dict(report).items() if key not in LEFT_OUT})
+    _last.update(_without_poses(report_to_dict(report)))
+
+
+def _without_poses(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_poses(item) for key, item in value.items() if key not in LEFT_OUT}
+    return [_without_poses(item) for item in value] if isinstance(value, list) else value
 
 
 def text(context: bpy.types.Context) -> str:
