@@ -93,7 +93,7 @@ def judge(quality: PoseQuality) -> tuple[Verdict, tuple[str, ...]]:
     few = q.corners < MIN_CORNERS
     if few and (q.corners < FEWEST_CORNERS or q.agreement < TRUSTED_AGREEMENT):
         return "failed", (words.too_few_corners(q),)
-    if q.agreement < FAILED_AGREEMENT:
+    if not q.agreement >= FAILED_AGREEMENT:
         return "failed", (words.another_place(q),)
     doubts = _doubts(q)
     return ("check", tuple(doubts)) if doubts else ("trusted", words.trusted(q))
@@ -107,7 +107,7 @@ def _doubts(q: PoseQuality) -> list[str]:
         (q.agreement < TRUSTED_AGREEMENT, words.fits_in_part),
         (q.views_used < TRUSTED_VIEWS, words.few_views),
         (q.inliers < TRUSTED_INLIERS, words.few_matches),
-        (q.coverage < TRUSTED_COVERAGE, words.uncovered),
+        (not q.coverage >= TRUSTED_COVERAGE, words.uncovered),
         (not rms_px(q) <= TRUSTED_RMS_PX, words.views_apart),
         (not apart, words.halves_apart),
         (not q.translation_std_pct <= TRUSTED_STD_PCT, words.place_uncertain),
