@@ -50,9 +50,10 @@ def adding(bpy, extension, path):
 
 
 def test_what_a_file_browser_begins_while_a_job_runs_is_refused_and_touches_nothing(
-    bpy, extension, context, slot, refining, tmp_path, splat_file
+    bpy, extension, context, slot, refining, tmp_path, splat_file, monkeypatch
 ):
-    """Blender does not poll again after the browser."""
+    """Blender does not poll again after the browser. The panel is seen, but shows the running job's progress."""
+    monkeypatch.setattr(extension("gssmc_addon.jobs.operator"), "panel_is_open", lambda _: True)
     (tmp_path / "photos").mkdir()
     write_photo(tmp_path / "photos" / "b.png")
     job, before = slot.active(), counts(bpy)
@@ -63,6 +64,7 @@ def test_what_a_file_browser_begins_while_a_job_runs_is_refused_and_touches_noth
         assert other.modal(context, event()) == {"CANCELLED"}, "it has nothing to follow"
     assert slot.active() is job
     assert not job.cancelled
+    assert bpy.context.window_manager.gssmc.message == "", "the line is the running job's"
     assert counts(bpy) == before
 
 
