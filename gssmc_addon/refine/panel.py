@@ -95,12 +95,13 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
     longer what was solved, the title says so, and the way back stands beside it.
     """
     last, note = context.window_manager.gssmc, camera.data.gssmc if camera else None
-    title, icon, texts = _outcome(note, last.message)
+    titles, icon, texts = _outcome(note, last.message)
     changed = camera_solution.title(context.scene, camera) if camera and not jobs.active() else ""
+    room = wrapping.room_px(context, icon=True) - wrapping.ICON_PX  # of the arrow
     row = box.row()
     if changed:
-        title, icon, texts = changed, camera_props.VERDICT_ICONS[camera_solution.CHANGED], [title, *texts]
-    row.label(text=title, icon=icon)
+        titles, icon, texts = [changed], camera_props.VERDICT_ICONS[camera_solution.CHANGED], [titles[0], *texts]
+    row.label(text=next((text for text in titles if wrapping.fits(text, room)), titles[-1]), icon=icon)
     if changed:
         row.operator("gssmc.back_to_solution", text="", icon="LOOP_BACK")
     row.prop(last, "details", text="", icon="DISCLOSURE_TRI_DOWN" if last.details else "DISCLOSURE_TRI_RIGHT", emboss=False)
@@ -113,19 +114,23 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
         _draw_lines(box, wrapping.fitted(texts, wrapping.room_px(context, icon != "NONE"), OUTCOME_LINES), icon)
 
 
-def _outcome(note: camera_props.GssmcCamera | None, message: str) -> tuple[str, str, list[str]]:
-    """Title, icon and texts, in the user's language: of a job its progress, else the last message and the camera's verdict."""
+def _outcome(note: camera_props.GssmcCamera | None, message: str) -> tuple[list[str], str, list[str]]:
+    """Title (the longest first), icon and texts: of a job its progress, else the last message and the camera's verdict."""
     job = jobs.active()
     if job:
-        return iface_("Working"), "TIME", [job.detail]
+        return [iface_("Working")], "TIME", [job.detail]
     if note is None:
-        title, texts = iface_("No photo yet"), [iface_("Import a splat and add a photo that was taken there.")]
+        titles, texts = [iface_("No photo yet")], [iface_("Import a splat and add a photo that was taken there.")]
     elif note.verdict == "NONE":
-        title, texts = iface_("Not refined yet"), [iface_("Bring the camera to about where the photo was taken, then refine.")]
+        titles, texts = (
+            [iface_("Not refined yet")],
+            [iface_("Bring the camera to about where the photo was taken, then refine.")],
+        )
     else:
-        title, texts = camera_props.verdict_title(note), note.reasons.splitlines()
+        titles = [camera_props.verdict_title(note), iface_(camera_props.VERDICT_NAMES[note.verdict])]
+        texts = note.reasons.splitlines()
     icon = camera_props.VERDICT_ICONS[note.verdict] if note and note.verdict != "NONE" else "BLANK1"
-    return title, icon, [message, *texts] if message else texts
+    return titles, icon, [message, *texts] if message else texts
 
 
 def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", least: int = 0) -> None:
