@@ -252,6 +252,29 @@ def test_undo_files_and_names_lose_nothing(bpy, solved, now, tmp_path):
     assert bpy.context.scene.camera.data.gssmc.photo.name == "a.png"
 
 
+def test_a_camera_in_an_excluded_collection_stands_where_it_stands(bpy, extension, scene, solved, now, tmp_path):
+    """Blender does not work out the place of such an object in a file that was just opened."""
+    parent = bpy.data.objects.new("parent", None)
+    away = bpy.data.collections.new("away")
+    scene.collection.children.link(away)
+    for obj in (solved, scene.gssmc.splat, parent):
+        for collection in obj.users_collection:
+            collection.objects.unlink(obj)
+        away.objects.link(obj)
+    bpy.context.view_layer.update()
+    solved.parent = parent
+    parent.location, parent.rotation_euler = (3, 1, 2), (0.1, 0.2, 0.3)
+    scene.gssmc.splat.parent = parent
+    assert now() == SAME
+    before = photo_pose(bpy, extension)
+    bpy.context.view_layer.layer_collection.children["away"].exclude = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    assert now() == SAME
+    distance, degrees = extension("core.geometry.camera").pose_error(photo_pose(bpy, extension).pose, before.pose)
+    assert (distance < 1e-5, degrees < 1e-3) == (True, True)
+
+
 def test_a_failed_try_from_elsewhere_keeps_the_way_back(bpy, extension, solved, apply, now):
     move(solved)
     bpy.context.view_layer.update()
