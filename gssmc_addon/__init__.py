@@ -22,17 +22,18 @@ from ..operators import (
     refine_sequence,
     remove_photo,
     report_problem,
+    reset_settings,
     review,
     set_mask,
     undistort_photo,
 )
 from .camera import frame as camera_frame
 from .headless import command as cli
+from .jobs import slot as jobs
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
-from .refine import job as jobs
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
@@ -57,6 +58,7 @@ _class_modules = (
     match_resolution,
     undistort_photo,
     report_problem,
+    reset_settings,
     add_plate,
     refine_sequence,
     panels,

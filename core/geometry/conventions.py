@@ -1,4 +1,4 @@
-"""The only place where an axis is flipped, or a focal length in millimetres becomes pixels (DESIGN 2).
+"""The only place where an axis is flipped, half a pixel is added, or a focal length in millimetres becomes pixels.
 
 Frames: the engine's cameras are OpenCV (x right, y down, z forward), poses world-to-camera; Blender's, nerfstudio's and
 OpenGL's cameras look along -z with y up, given as camera-to-world. COLMAP's cameras are the engine's own: no function needed.
@@ -31,6 +31,7 @@ HALF_TURN_X_SH = np.array([1.0, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1
 NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 VIEW_SENSOR_MM = 72.0  # of Blender's 3D viewport: CAMERA_PARAM_ZOOM_INIT_PERSP = 2 times the camera's 36 mm
+HALF_PIXEL = 0.5  # the engine puts the centre of the top-left pixel at (0.5, 0.5), OpenCV and pixel indices at (0, 0)
 SIMILARITY_TOLERANCE = 1e-3  # Blender's matrices are float32, and users type scales by hand
 
 # Rows: where the file's x, y, z axes go in a z-up scene. Proper rotations all, so that nothing is mirrored.
@@ -42,6 +43,28 @@ _UP_ROTATIONS: dict[Orientation, FloatArray] = {
 }
 
 
+def from_opencv_pixels(pixels: ArrayLike) -> FloatArray:
+    """Places (..., 2) that OpenCV, or an index into an image, gives, in the engine's pixels; float64."""
+    return np.asarray(pixels, np.float64) + HALF_PIXEL
+
+
+def to_opencv_pixels(pixels: FloatArray) -> FloatArray:
+    """The engine's pixels (..., 2) as OpenCV counts them. Inverse of `from_opencv_pixels`."""
+    return pixels - HALF_PIXEL
+
+
+def opencv_matrix(intrinsics: Intrinsics) -> FloatArray:
+    """K (3, 3) for OpenCV's pixels."""
+    K = intrinsics.matrix
+    K[:2, 2] -= HALF_PIXEL
+    return K
+
+
+def pixel_centres(count: int, first: int = 0) -> FloatArray:
+    """Where the centres of `count` pixels of a row or a column lie (count,), from pixel number `first` on."""
+    return np.arange(first, first + count, dtype=np.float64) + HALF_PIXEL
+
+
 def orientation_matrix(orientation: Orientation) -> FloatArray:
     """4x4 rotation from a file whose named axis points up (or down) to Blender's z-up scene."""
     matrix = np.eye(4)
@@ -49,7 +72,7 @@ def orientation_matrix(orientation: Orientation) -> FloatArray:
     return matrix
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Similarity:
     """p_scene = scale * rotation @ p_file + translation; scale > 0, rotation (3, 3) proper, translation (3,)."""
 
@@ -71,6 +94,18 @@ class Similarity:
             sizes = ", ".join(f"{x:.4g}" for x in np.linalg.norm(linear, axis=0))
             raise CameraError(f"The splat object is scaled unevenly ({sizes}); give it the same scale in x, y and z.")
         return cls(float(np.cbrt(s.prod())), u @ vt, m[:3, 3].copy())
+
+    def __eq__(self, other: object) -> bool:
+        """Whether scale, rotation and translation are the same numbers."""
+        return (
+            isinstance(other, Similarity)
+            and self.scale == other.scale
+            and np.array_equal(self.rotation, other.rotation)
+            and np.array_equal(self.translation, other.translation)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.scale, (self.rotation + 0.0).tobytes(), (self.translation + 0.0).tobytes()))
 
     def to_scene(self, points: ArrayLike) -> FloatArray:
         """Points of the splat file (N, 3) to the scene."""

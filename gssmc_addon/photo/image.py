@@ -11,7 +11,6 @@ import bpy
 import numpy as np
 
 from ...core.errors import PhotoError
-from ...core.photos.exif import read_exif
 from ...core.photos.linear import photo_from_linear
 from ...core.photos.photo import Photo, photo_facts, read_photo
 from ...core.photos.size import EXR_SIGNATURE
@@ -112,8 +111,8 @@ def _light(image: bpy.types.Image) -> np.ndarray:
 def load_image(path: str, photo: Photo) -> bpy.types.Image:
     """The Blender image of a photo, upright. `photo` is what the engine read from `path`."""
     image = bpy.data.images.load(path, check_existing=True)
-    turned = read_exif(Path(path).read_bytes()).orientation != 1
-    if turned or tuple(image.size) != (photo.width, photo.height):  # Blender ignores EXIF rotation; the engine does not
+    # Blender ignores EXIF rotation; the engine does not.
+    if not photo.stored_upright or tuple(image.size) != (photo.width, photo.height):
         if image.users == 0:
             bpy.data.images.remove(image)
         image = packed_copy(Path(path).name, photo)

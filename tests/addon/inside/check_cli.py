@@ -113,6 +113,20 @@ def test_a_folder_that_is_missing_is_told_before_the_work(main, files, capfd, bl
     assert not (files / "drawn").exists()
 
 
+def test_batch_runs_nothing_of_the_folder_that_blender_was_started_in(main, files, monkeypatch):
+    """It may be a downloaded scan's."""
+    trap = files / "downloaded"
+    for name in ("json.py", "numpy.py", "core/__init__.py"):
+        (trap / name).parent.mkdir(parents=True, exist_ok=True)
+        (trap / name).write_text(f"import pathlib; pathlib.Path({str(files / 'sprung')!r}).touch(); raise SystemExit(9)")
+    monkeypatch.chdir(trap)
+    arguments = [files / "scan.ply", files / "cameras.json", "--out", files / "r.json", "--workers", "2"]
+    assert main(["batch", *map(str, arguments)]) == 3, "photos of another place must fail"
+    frames = json.loads((files / "r.json").read_text())["frames"]
+    assert [("error" in frame, frame["verdict"]) for frame in frames] == [(False, "failed")] * 2
+    assert not (files / "sprung").exists()
+
+
 @pytest.mark.parametrize(("lens", "state"), [("focal", "SOLVED"), ("fixed", "CALIBRATED")])
 def test_a_solved_camera_is_saved_with_what_it_was_solved_to_be(bpy, extension, files, lens, state):
     """By the report that a refinement ends with; the saved file knows when the camera is moved."""
