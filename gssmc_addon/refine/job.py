@@ -23,7 +23,7 @@ from ..jobs.machine import TICK_S, Job, redraw
 from ..jobs.worker import RefineInputs, refinement
 from ..photo import mask as mask_source
 from ..plate import source as plate_source
-from ..registration import preferences, properties
+from ..registration import camera_props, preferences
 from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
@@ -139,11 +139,11 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
             notes.append(rpt_("The render's pixel aspect was set to the camera's."))
         if keyed := camera_channels.write_keyframes(scene, camera):
             notes.append(keyed)
-    properties.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
+    camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
-    values |= {"verdict": iface_(properties.VERDICT_NAMES[report.verdict.upper()]).lower(), "seconds": report.seconds}
+    values |= {"verdict": iface_(camera_props.VERDICT_NAMES[report.verdict.upper()]).lower(), "seconds": report.seconds}
     return " ".join([rpt_('"{name}" was refined ({verdict}) in {seconds:.1f} s: {reason}', **values), *notes])
 
 

@@ -8,7 +8,8 @@ import bpy
 
 from ..jobs.machine import Job
 from ..photo import image as photo_image
-from ..registration import preferences, properties
+from ..registration import camera_props, preferences
+from ..registration import settings as settings_props
 from ..splat import object as splat_object
 from ..support.texts import iface_
 from ..viewport import props as viewport_props
@@ -88,8 +89,8 @@ def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera:
     note = camera.data.gssmc if camera else None
     if note and note.verdict != "NONE":
         box = layout.box()
-        title = properties.verdict_title(note)
-        box.label(text=title, icon=properties.VERDICT_ICONS[note.verdict])
+        title = camera_props.verdict_title(note)
+        box.label(text=title, icon=camera_props.VERDICT_ICONS[note.verdict])
         for reason in note.reasons.splitlines():
             draw_text(box, context, reason)
     last = context.window_manager.gssmc
@@ -141,11 +142,11 @@ class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True
         column = self.layout.column()
-        for name in properties.settings_annotations():
+        for name in settings_props.settings_annotations():
             if name == "lens":  # stands in the Lens panel
                 continue
             column.prop(context.scene.gssmc, name)
-            if name in properties.CHOICES:
+            if name in settings_props.CHOICES:
                 _draw_missing_model(column, context, getattr(context.scene.gssmc, name))
 
 

@@ -8,7 +8,7 @@ import bpy
 
 from .texts import rpt_
 
-ROOT = __package__.rpartition(".")[0]  # the extension's own package: engine, add-on and operators log below it
+ROOT = __package__.rsplit(".", 2)[0]  # the extension's own package: engine, add-on and operators log below it
 FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 _handlers: list[logging.FileHandler] = []
 
