@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 
 REPO = Path(__file__).parents[1]
+
+pytestmark = pytest.mark.process
+
 RINGS = ("unit", "loop", "process", "blender", "blender45", "blender53", "window")
 
 
@@ -26,8 +29,3 @@ def test_a_test_in_two_rings_is_refused(tmp_path):
     done = chosen("", "-c", str(REPO / "pyproject.toml"), "-p", "tests.conftest", str(file))
     assert done.returncode == pytest.ExitCode.USAGE_ERROR
     assert "is marked loop and unit; choose one ring." in done.stdout + done.stderr
-
-
-def test_the_window_is_left_out_unless_asked_for():
-    assert "tests/ui" not in chosen("unit or loop").stdout
-    assert "-m 'not window'" in (REPO / "pyproject.toml").read_text()

@@ -7,6 +7,8 @@ import pytest
 
 from core.batch.store import ResultsError, ResultStore, job_key
 
+pytestmark = pytest.mark.unit
+
 KEYS = [job_key("photo", i) for i in range(4)]
 
 

@@ -21,6 +21,8 @@ from core.geometry.camera import Camera, pose_error
 from core.pose.refine import iterate_refinement, refine
 from core.pose.settings import RefineSettings
 
+pytestmark = pytest.mark.loop
+
 
 @pytest.fixture
 def model(tmp_path):

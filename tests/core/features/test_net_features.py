@@ -107,6 +107,8 @@ def test_lightglue_is_fed_places_about_the_middle_in_halves_of_the_long_side(tmp
 # ---- real networks, where they are
 
 
+@pytest.mark.loop
+@pytest.mark.scan
 @pytest.mark.parametrize("name", ["aliked-t16-top2048.onnx", "aliked-n16rot-top2048.onnx"])
 def test_real_aliked_finds_the_same_places_in_a_moved_picture(name):
     """The picture is moved by a whole number of pixels, so every place moves by exactly that."""
@@ -122,6 +124,8 @@ def test_real_aliked_finds_the_same_places_in_a_moved_picture(name):
     np.testing.assert_allclose(np.median(offset[right], axis=0), [21, 13], atol=0.1)
 
 
+@pytest.mark.loop
+@pytest.mark.scan
 def test_real_aliked_sees_a_picture_turned_upside_down_at_the_mirrored_places():
     """A shift of the places shows twice here. cv2.ALIKED's own grows from left to right, to 2 where the network's is 0.3."""
     model = shared_model("aliked-t16-top2048.onnx")
@@ -139,6 +143,8 @@ def test_real_aliked_sees_a_picture_turned_upside_down_at_the_mirrored_places():
     assert np.ptp(shifts, axis=0).max() < 0.25
 
 
+@pytest.mark.loop
+@pytest.mark.scan
 def test_the_papers_pair_with_random_weights_runs():
     superpoint, lightglue = (shared_model(f"randomweights_{n}_test.onnx") for n in ("superpoint", "lightglue_unfused"))
     rng = np.random.default_rng(6)

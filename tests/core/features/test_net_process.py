@@ -25,6 +25,8 @@ from core.features.types import Features
 from core.processes.child import Child
 from core.processes.wire import WireError, receive, send
 
+pytestmark = pytest.mark.process
+
 
 def aliked_net(path, **more):
     places = (2 * np.array([[3, 5], [60, 40]]) / [95, 63] - 1).astype(np.float32)

@@ -14,6 +14,8 @@ from core.photos.photo import Photo
 from core.pose.refine import iterate_refinement, refine
 from core.pose.settings import RefineSettings
 
+pytestmark = pytest.mark.loop
+
 
 @pytest.fixture(scope="module")
 def room():
