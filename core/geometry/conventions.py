@@ -1,4 +1,4 @@
-"""The only place where an axis is flipped, or a focal length in millimetres becomes pixels (DESIGN 2).
+"""The only place where an axis is flipped, or a focal length in millimetres becomes pixels (docs/design.md, section 2).
 
 Frames: the engine's cameras are OpenCV (x right, y down, z forward), poses world-to-camera; Blender's, nerfstudio's and
 OpenGL's cameras look along -z with y up, given as camera-to-world. COLMAP's cameras are the engine's own: no function needed.

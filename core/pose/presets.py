@@ -1,4 +1,4 @@
-"""The settings that the paper published for its two data sets, whose unit is the metre (DESIGN 4)."""
+"""The settings that the paper published for its two data sets, whose unit is the metre (docs/design.md, section 4)."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class RefineProgress:
 
 @dataclass(frozen=True)
 class PoseQuality:
-    """The evidence behind a verdict (DESIGN 5).
+    """The evidence behind a verdict (docs/design.md, section 5).
 
     views_used: rendered views whose matches hold a two-view pose; inliers: matches in the last fit, over all views;
     coverage: share (0..1) of the photo's 6 x 6 cells that hold an inlier; epipolar_rms_px: RMS of those inliers;
