@@ -44,6 +44,11 @@ class _AddPhotos(JobFromFile):
         photo_list.pick(scene, jobs.by_uid(scene.objects, job.added[0]))
         return self.done(context, _summary(job), "WARNING" if job.failed else "INFO")
 
+    def broke_off(self, context, job, message):
+        """What was added before is kept; without this it would be in no undo step."""
+        self.refuse(context, message)
+        return {"FINISHED"} if job.added else {"CANCELLED"}
+
     def stopped(self, context, job):
         if job.added:
             return self.apply(context, job, job)
@@ -58,7 +63,9 @@ def _summary(job):
     if job.failed:
         words.append(rpt_("{count} could not be used; the list says why.", count=len(job.failed)))
     left = job.count - len(job.added) - len(job.failed)
-    if left:
+    if left == 1:
+        words.append(rpt_("1 was left out when you stopped."))
+    elif left:
         words.append(rpt_("{count} were left out when you stopped.", count=left))
     return " ".join(words)
 

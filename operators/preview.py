@@ -9,10 +9,11 @@ from ..gssmc_addon.preview import images as preview_images
 from ..gssmc_addon.preview import job as preview_job
 from ..gssmc_addon.preview import options as preview_options
 from ..gssmc_addon.registration import settings as settings_props
+from ..gssmc_addon.support.operator_parts import NeedsPhoto
 from ..gssmc_addon.support.texts import rpt_
 
 
-class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
+class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
     """Render the splat through the camera and set it against the photo"""
 
     bl_idname = "gssmc.preview"
@@ -67,6 +68,10 @@ def _told(camera, result):
     if not result.matches:
         return rpt_('Preview of "{name}".', name=camera.name)
     good = result.matches.good
+    if len(good) == 1:
+        return rpt_(
+            '"{name}": {good} of 1 match sits at the same place in photo and render.', name=camera.name, good=good.sum()
+        )
     return rpt_(
         '"{name}": {good} of {count} matches sit at the same place in photo and render.',
         name=camera.name,

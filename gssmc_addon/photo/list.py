@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 
 from ...core.photos.photo import Photo
+from ..camera import frame as camera_frame
+from ..camera import solution as camera_solution
 from . import camera as photo_camera
 from . import image as photo_image
 from .entry import GssmcPhoto
@@ -24,6 +26,16 @@ def cameras(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [camera for camera in (camera_of(scene, entry) for entry in scene.gssmc.photos) if camera]
 
 
+def is_open(entry: GssmcPhoto) -> bool:
+    """Whether the camera of the photo is still to be found: it is not trusted."""
+    return camera_solution.verdict(entry.id_data, entry.camera) != "TRUSTED"
+
+
+def open_count(scene: bpy.types.Scene) -> int:
+    """How many photos of the list, with a camera, are still to be found."""
+    return sum(camera_of(scene, entry) is not None and is_open(entry) for entry in scene.gssmc.photos)
+
+
 def title(entry: GssmcPhoto) -> str:
     return entry.camera.name if entry.camera else entry.file
 
@@ -36,7 +48,7 @@ def find(scene: bpy.types.Scene, camera: bpy.types.Object) -> GssmcPhoto | None:
 def note(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
     """The entry of a camera that was just given its photo; a new one where it has none yet."""
     entry = find(scene, camera) or scene.gssmc.photos.add()
-    entry.camera, entry.error, entry.file = camera, "", ""
+    entry.camera, entry.error, entry.note, entry.file = camera, "", "", ""
     image = photo_image.camera_photo(camera)
     if image:
         _set_thumbnail(image, photo)
@@ -70,7 +82,10 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     left = photo_image.camera_photo(scene.camera) if scene.camera and scene.camera.type == "CAMERA" else None
     image = photo_image.camera_photo(camera)
     scene.camera = camera
+    camera_frame.follow(scene)
     context.view_layer.update()  # a camera that was just linked is not in it yet
+    if camera_solution.verdict(scene, camera) in ("TRUSTED", "CHECK"):
+        photo_camera.stop_moving_with_view()
     if camera.name in context.view_layer.objects:
         photo_camera.look_through(context, camera)
     if left and left != image and not left.is_dirty:

@@ -161,6 +161,8 @@ def view_key(copy: CameraCopy, source: PhotoSource, splat: bpy.types.Object, opt
     parts = (
         numbers.tobytes(),
         copy.lens,
+        copy.frame,
+        copy.photo_pixel,
         source.name,
         source.path,
         splat.session_uid,

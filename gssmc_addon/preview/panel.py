@@ -5,7 +5,6 @@ from __future__ import annotations
 import bpy
 
 from ..photo import image as photo_image
-from ..refine import job as jobs
 from ..refine import panel as panels
 from . import options as preview_options
 
@@ -29,8 +28,7 @@ class GSSMC_PT_preview(panels._Sidebar, bpy.types.Panel):
             layout.prop(own, "background")
         if own.flicker:
             layout.prop(own, "flicker", toggle=True, icon="PAUSE")
-        if not jobs.active():
-            layout.operator("gssmc.preview", icon="IMAGE_RGB")
+        layout.operator("gssmc.preview", icon="IMAGE_RGB")
 
 
 classes = (GSSMC_PT_preview,)

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import bpy
 
-from ..jobs.machine import Job
+from ..camera import solution as camera_solution
+from ..jobs import slot as jobs
+from ..jobs.machine import CATEGORY
 from ..photo import image as photo_image
 from ..registration import camera_props, preferences
 from ..registration import settings as settings_props
 from ..splat import object as splat_object
+from ..support import wrapping
 from ..support.texts import iface_
 from ..viewport import props as viewport_props
-from . import job as jobs
 
-CATEGORY = "GS-SMC"
-PIXELS_PER_CHARACTER = 6.4
+OUTCOME_LINES = 4  # in a sidebar of the usual width the first sentence of a verdict, which is then the plainest
 
 
 class _Sidebar:
@@ -26,24 +25,29 @@ class _Sidebar:
 
 
 class GSSMC_PT_main(_Sidebar, bpy.types.Panel):
+    """The four steps from a scan and a photo to its camera. All are there from the start: nothing moves under the mouse."""
+
     bl_label = "Photo Camera"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
+        layout, scene = self.layout, context.scene
+        camera = scene.camera if scene.camera and scene.camera.type == "CAMERA" else None
+        photo = photo_image.camera_photo(camera) if camera else None
         _draw_splat(layout, context)
-        camera = context.scene.camera
-        camera = camera if camera and camera.type == "CAMERA" else None
         _draw_photo(layout, context, camera)
-        job = jobs.active()
-        if job:
-            _draw_progress(layout, job)
-        else:
-            _draw_refine(layout, context, camera)
+        _draw_camera(layout, context, camera if photo else None)
+        _draw_refine(layout, context, camera if photo else None)
+
+
+def _step(layout: bpy.types.UILayout, text: str, done: bool) -> bpy.types.UILayout:
+    """A column with the heading of a step."""
+    column = layout.column(align=True)
+    column.label(text=text, icon="CHECKMARK" if done else "RADIOBUT_OFF")
+    return column
 
 
 def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    column = layout.column(align=True)
-    column.label(text="Splat")
+    column = _step(layout, "1  Splat", context.scene.gssmc.splat is not None)
     if any(splat_object.is_splat(o) for o in context.scene.objects):
         column.prop(context.scene.gssmc, "splat", text="")
         viewport_props.draw_settings(column, context.scene.gssmc.splat)
@@ -52,60 +56,89 @@ def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
-    column = layout.column(align=True)
-    column.label(text="Photo")
+    photo = photo_image.camera_photo(camera) if camera else None
+    column = _step(layout, "2  Photo", photo is not None)
     if camera:
         column.prop(camera.data.gssmc, "photo", text="")
-        if photo_image.camera_photo(camera):
+        if photo:
             row = column.row(align=True)
             row.prop(camera.data.gssmc, "mask", text="", icon="MOD_MASK", placeholder="Mask")
             row.operator("gssmc.set_mask", text="", icon="FILEBROWSER")
     column.operator("gssmc.add_photo", icon="IMAGE_DATA")
-    if camera and photo_image.camera_photo(camera):
-        column.separator()
-        column.label(text="Camera")
+
+
+def _draw_camera(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
+    column = _step(layout, "3  Camera", camera is not None and camera.data.gssmc.verdict != "NONE")
+    if camera:
         column.prop(context.scene, "camera", text="")
         column.prop(camera.data, "lens")
-        view = context.space_data
-        column.prop(view, "lock_camera", text="Move Camera With View", toggle=True)
+        column.prop(context.space_data, "lock_camera", text="Move Camera With View", toggle=True)
         column.operator("gssmc.camera_from_view")
-        if camera.data.gssmc.verdict == "NONE" and not jobs.active():
-            draw_text(layout, context, iface_("Bring the camera to about where the photo was taken, then refine."))
-
-
-def _draw_progress(layout: bpy.types.UILayout, job: Job) -> None:
-    column = layout.column(align=True)
-    column.progress(factor=job.fraction, text=job.step)
-    if job.detail:
-        column.label(text=job.detail)
-    column.operator("gssmc.cancel", icon="X")
 
 
 def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
-    column = layout.column(align=True)
-    row = column.row()
+    """The button, or the progress in its place, and the box below, as high before and while a camera is refined as after."""
+    job = jobs.active()
+    column = _step(layout, "4  Refine", camera is not None and camera_solution.verdict(context.scene, camera) == "TRUSTED")
+    row = column.row(align=True)
     row.scale_y = 1.5
-    row.operator("gssmc.refine", icon="CAMERA_DATA")
-    note = camera.data.gssmc if camera else None
-    if note and note.verdict != "NONE":
-        box = layout.box()
-        title = camera_props.verdict_title(note)
-        box.label(text=title, icon=camera_props.VERDICT_ICONS[note.verdict])
-        for reason in note.reasons.splitlines():
-            draw_text(box, context, reason)
-    last = context.window_manager.gssmc
-    if last.message:
-        draw_text(layout.box(), context, last.message, icon=last.message_icon)
+    if job:
+        row.progress(factor=job.fraction, text=job.step)
+        row.operator("gssmc.cancel", text="", icon="X")
+    else:
+        row.operator("gssmc.refine", icon="CAMERA_DATA")
+    _draw_outcome(layout.box(), context, camera)
 
 
-def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """A sentence in the user's language, wrapped to the sidebar's width."""
-    scale = context.preferences.system.ui_scale
-    width = max(16, int((context.region.width / scale - 60) / PIXELS_PER_CHARACTER))
+def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
+    """What came of it: a title and OUTCOME_LINES lines of text, all of it when unfolded. Where the camera is no
+    longer what was solved, the title says so, and the way back stands beside it.
+    """
+    last, note = context.window_manager.gssmc, camera.data.gssmc if camera else None
+    title, icon, texts = _outcome(note, last.message)
+    changed = camera_solution.title(context.scene, camera) if camera and not jobs.active() else ""
+    row = box.row()
+    if changed:
+        title, icon, texts = changed, camera_props.VERDICT_ICONS[camera_solution.CHANGED], [title, *texts]
+    row.label(text=title, icon=icon)
+    if changed:
+        row.operator("gssmc.back_to_solution", text="", icon="LOOP_BACK")
+    row.prop(last, "details", text="", icon="DISCLOSURE_TRI_DOWN" if last.details else "DISCLOSURE_TRI_RIGHT", emboss=False)
+    icon = last.message_icon if last.message and not jobs.active() else "NONE"
+    if last.details:
+        for text in texts or [""]:
+            draw_text(box, context, text, icon=icon)
+            icon = "NONE"
+    else:
+        _draw_lines(box, wrapping.fitted(texts, wrapping.room_px(context, icon != "NONE"), OUTCOME_LINES), icon)
+
+
+def _outcome(note: camera_props.GssmcCamera | None, message: str) -> tuple[str, str, list[str]]:
+    """Title, icon and texts, in the user's language: of a job its progress, else the last message and the camera's verdict."""
+    job = jobs.active()
+    if job:
+        return iface_("Working"), "TIME", [job.detail]
+    if note is None:
+        title, texts = iface_("No photo yet"), [iface_("Import a splat and add a photo that was taken there.")]
+    elif note.verdict == "NONE":
+        title, texts = iface_("Not refined yet"), [iface_("Bring the camera to about where the photo was taken, then refine.")]
+    else:
+        title, texts = camera_props.verdict_title(note), note.reasons.splitlines()
+    icon = camera_props.VERDICT_ICONS[note.verdict] if note and note.verdict != "NONE" else "BLANK1"
+    return title, icon, [message, *texts] if message else texts
+
+
+def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", least: int = 0) -> None:
+    """A sentence in the user's language, wrapped to the sidebar's width; empty lines make it at least `least` lines high."""
+    found = wrapping.lines(text, wrapping.room_px(context, icon != "NONE"))
+    _draw_lines(layout, found + [""] * (least - len(found)), icon)
+
+
+def _draw_lines(layout: bpy.types.UILayout, lines: list[str], icon: str) -> None:
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, width)):
-        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+    for number, line in enumerate(lines):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"), translate=False)
 
 
 class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
@@ -121,7 +154,7 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         self.layout.use_property_split = True
         data = context.scene.camera.data
         column = self.layout.column(align=True)
-        column.prop(data.gssmc, "lens_calibrated")
+        column.prop(data.gssmc, "lens_state")
         column.prop(context.scene.gssmc, "lens", text="Solve For")
         column = self.layout.column(align=True)
         column.prop(data, "shift_x", text="Shift X")
@@ -134,20 +167,32 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         column.operator("gssmc.match_resolution")
 
 
-class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
-    bl_label = "Settings"
+class GSSMC_PT_quality(_Sidebar, bpy.types.Panel):
+    bl_label = "Quality"
     bl_parent_id = "GSSMC_PT_main"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        own = context.scene.gssmc
+        row = self.layout.row(align=True)
+        for word in ("DRAFT", "NORMAL", "BEST"):
+            row.prop_enum(own, "quality", word)
+
+
+class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
+    bl_label = "Values"
+    bl_parent_id = "GSSMC_PT_quality"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True
         column = self.layout.column()
         for name in settings_props.settings_annotations():
-            if name == "lens":  # stands in the Lens panel
+            if name == settings_props.LENS:
                 continue
             column.prop(context.scene.gssmc, name)
             if name in settings_props.CHOICES:
                 _draw_missing_model(column, context, getattr(context.scene.gssmc, name))
+        self.layout.operator("gssmc.reset_settings", icon="LOOP_BACK")
 
 
 def _draw_missing_model(layout: bpy.types.UILayout, context: bpy.types.Context, choice: str) -> None:
@@ -158,4 +203,4 @@ def _draw_missing_model(layout: bpy.types.UILayout, context: bpy.types.Context, 
         layout.operator("preferences.addon_show", text="Open Preferences").module = preferences.PACKAGE
 
 
-classes = (GSSMC_PT_main, GSSMC_PT_lens, GSSMC_PT_settings)
+classes = (GSSMC_PT_main, GSSMC_PT_quality, GSSMC_PT_settings, GSSMC_PT_lens)

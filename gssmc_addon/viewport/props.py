@@ -55,9 +55,8 @@ def draw_settings(layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> N
     if not is_drawable():
         layout.label(text="Drawn as points: no fit graphics here", icon="INFO")
         return
-    row = layout.row(align=True)
-    row.prop(obj.gssmc, "max_shown")
-    row.prop(obj.gssmc, "opacity", slider=True)
+    layout.prop(obj.gssmc, "max_shown")  # each in a row of its own: side by side the number is cut in a narrow sidebar
+    layout.prop(obj.gssmc, "opacity", slider=True)
 
 
 def _changed(self: GssmcObject, context: bpy.types.Context) -> None:

@@ -7,7 +7,7 @@ tests/ui/languages.py does the same with a real dictionary in a real window.
 from types import SimpleNamespace
 
 import pytest
-from panels_drawn import Layout
+from panels_drawn import drawn
 from samples import write_photo
 
 GERMAN = {
@@ -27,20 +27,6 @@ def german(bpy, extension, monkeypatch):
     """Blender's three lookups, answering in German."""
     asked = {f"pgettext_{kind}": lambda text: GERMAN.get(text, text) for kind in ("iface", "rpt", "tip")}
     monkeypatch.setattr(extension("gssmc_addon.support.texts"), "translations", SimpleNamespace(**asked))
-
-
-def drawn(bpy, extension):
-    """What the main panel says in a wide sidebar."""
-    layout, context = Layout(), bpy.context
-    seen = SimpleNamespace(
-        scene=context.scene,
-        window_manager=context.window_manager,
-        space_data=SimpleNamespace(lock_camera=False),
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
-        region=SimpleNamespace(width=2000),
-    )
-    extension("gssmc_addon.refine.panel").GSSMC_PT_main.draw(SimpleNamespace(layout=layout), seen)
-    return layout.said
 
 
 def test_blender_has_the_lookups(bpy):
