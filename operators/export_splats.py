@@ -52,7 +52,9 @@ class GSSMC_OT_export_splats(PlainOperator, bpy.types.Operator, ExportHelper):
         words = [
             rpt_("{count:,} Gaussians, SH degree {degree}: '{path}'.", count=len(scene), degree=scene.sh_degree, path=path)
         ]
-        if scene.dropped:
+        if scene.dropped == 1:
+            words.append(rpt_("1 Gaussian with values that are not finite was left out."))
+        elif scene.dropped:
             words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
         if written.sh_left_out:
             words.append(rpt_("SH above degree 3 were left out, for the layout has no place for them."))

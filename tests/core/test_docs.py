@@ -67,5 +67,5 @@ def test_no_registry_and_no_machine_is_named():
     if listed.returncode:
         pytest.skip("not a git checkout")
     names = [n for n in listed.stdout.split("\0") if n.endswith((".lock", ".in", ".yml", ".yaml", ".sh", ".toml", ".py"))]
-    hosts = re.compile("(?:py" + r"pi\.org|pythonhosted|--index-url|--extra-index-url)")
+    hosts = re.compile("|".join(("pypi" + r"\.org", "python" + "hosted", "--" + "index-url", "--extra-" + "index-url")))
     assert [n for n in names if (REPO / n).is_file() and hosts.search((REPO / n).read_text(encoding="utf-8"))] == []

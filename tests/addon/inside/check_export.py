@@ -112,7 +112,7 @@ def test_broken_gaussians_are_left_out_with_a_word(bpy, splat, tmp_path, capfd):
     obj, _ = splat
     obj.data.attributes["position"].data[7].vector = (np.nan, 0, 0)
     assert len(read_splats(export(bpy, tmp_path / "out.ply", "SCENE"))) == 199
-    assert "1 Gaussians with values that are not finite were left out" in capfd.readouterr().out
+    assert "1 Gaussian with values that are not finite was left out" in capfd.readouterr().out
 
 
 def test_without_a_splat_there_is_nothing_to_export(bpy):
