@@ -1,4 +1,4 @@
-"""Settings under a name: what the paper published for its two data sets, whose unit is the metre (DESIGN 4), and qualities."""
+"""Settings under a name: what the paper published for its two data sets, whose unit is the metre, and qualities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The verdict on a pose: trusted, check or failed, with its reasons in words (DESIGN 5).
+"""The verdict on a pose: trusted, check or failed, with its reasons in words (docs/design.md, section 5).
 
 The thresholds come from `benchmarks/verdict_trials.py` on two real scans: right poses agree with the final render at 40 to 95 %
 of the corners (least with 40 % of the photo covered), poses of another place, of a mirrored photo or from a hopeless start at

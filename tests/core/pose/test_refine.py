@@ -5,12 +5,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from boxroom import BoxRoom
+from boxroom import DEPTH, LENS, TRUTH, BoxRoom
+from boxroom import start_off as _start
 
 import core.pose.search.loop as loop_module
 from core.errors import RefineError
-from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
-from core.geometry.lie import so3_exp
+from core.geometry.camera import Camera, Pose, pose_error
 from core.photos.photo import Photo
 from core.pose.refine import iterate_refinement, refine
 from core.pose.report_json import report_to_dict
@@ -19,9 +19,7 @@ from core.pose.settings import RefineSettings
 from core.pose.shared.working import WorkingPhoto
 from core.pose.verdict.verify import compare
 
-LENS = Intrinsics(320, 240, 260.0, 258.0, 163.0, 118.0, (-0.08, 0.02, 0.001, -0.0005, 0.0))
-TRUTH = Pose.from_centre(so3_exp([0.05, 0.2, 0.02]), [-0.4, 0.1, -2.6])
-DEPTH = 4.5  # about the median depth from there
+pytestmark = pytest.mark.loop
 
 
 @pytest.fixture(scope="module")
@@ -32,12 +30,6 @@ def room():
 @pytest.fixture(scope="module")
 def photo(room):
     return room.photo(LENS, TRUTH)
-
-
-def _start(ratio, degrees, seed=0):
-    rng = np.random.default_rng(seed)
-    way, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-    return Pose.from_centre(so3_exp(np.radians(degrees) * axis) @ TRUTH.R, TRUTH.centre + ratio * DEPTH * way)
 
 
 @pytest.mark.parametrize("seed", range(3))
