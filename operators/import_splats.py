@@ -159,7 +159,7 @@ class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
     def _finish(self, context):
         obj, scene = self._building.finish(context, self._job.look()), self._scene
         self._building = self._scene = self._job = None  # the operator outlives its work in Blender's history
-        if self.show_colours and not (viewport_props.is_drawable() or splat_object.has_native_type(obj.data)):
+        if self.show_colours and not (viewport_props.is_drawable() or splat_object.is_native(obj.data)):
             splat_display.show_colours(context)
         values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
         words = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
