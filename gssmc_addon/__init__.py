@@ -30,6 +30,7 @@ from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
+from .preview import watch as preview_watch
 from .refine import job as jobs
 from .refine import panel as panels
 from .registration import menus, preferences, properties
@@ -74,11 +75,13 @@ def register() -> None:
     preferences.register()
     jobs.register()
     viewport.register()
+    preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
 
 def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
+    preview_watch.unregister()
     viewport.unregister()
     flicker.unregister()
     while _cli_commands:

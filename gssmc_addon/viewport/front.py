@@ -59,9 +59,7 @@ def _picture(slot: bpy.types.CameraBackgroundImage, border: np.ndarray, region: 
     return FrontPicture(still, place_of(slot, across / up, border, region), slot.alpha)
 
 
-def place_of(
-    slot: bpy.types.CameraBackgroundImage, aspect: float, border: np.ndarray, region: tuple[int, int]
-) -> np.ndarray:
+def place_of(slot: bpy.types.CameraBackgroundImage, aspect: float, border: np.ndarray, region: tuple[int, int]) -> np.ndarray:
     """`FrontPicture.place` of a picture of the given `aspect` in a frame with `border`, of a `region` in pixels.
 
     As Blender draws it (measured in its window): the offset counts in widths of the frame, and upwards in heights of the

@@ -23,7 +23,7 @@ from .front import MOST, FrontPicture
 SHADERS = Path(__file__).parent / "shaders"
 SQUARE = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
 VIEW_BLOCK = "struct SplatView { mat4 view_model; mat4 projection; vec2 size; float near; float boost; vec4 more; };\n"
-OVER_BLOCK = f"struct SplatsOver {{ vec4 across[{MOST}]; vec4 up[{MOST}]; vec4 more; }};\n"
+OVER_BLOCK = "struct SplatsOver { vec4 across[4]; vec4 up[4]; vec4 more; };\n"  # MOST pictures
 SLOW = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
 
 
