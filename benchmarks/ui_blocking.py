@@ -53,8 +53,7 @@ class Beat:
         panels, photos = module("gssmc_addon.refine.panel"), module("gssmc_addon.photo.panel")
         for owner, names in (
             (stage, ("draw", "tick")),
-            (module("operators.import_splats").GSSMC_OT_import_splats, ("execute", "modal")),
-            (module("gssmc_addon.jobs.operator").JobOperator, ("begin", "modal")),
+            (module("gssmc_addon.jobs.operator").JobOperator, ("execute", "begin", "modal")),
             (jobs, ("gather", "apply_report")),
             (panels.GSSMC_PT_main, ("draw",)),
             (photos.GSSMC_PT_photos, ("draw",)),
@@ -255,7 +254,7 @@ def begin_refine(beat: Beat, files, what: str) -> Iterator[float]:
     yield from until(complete, "the picture through the camera")
     yield from beat.settle()
     in_view(bpy.ops.gssmc.refine, "INVOKE_DEFAULT")
-    job = module("gssmc_addon.refine.job").active()
+    job = module("gssmc_addon.jobs.slot").active()
     start = time.perf_counter()
     yield from until(lambda: job._copying is None, "the splat's copy")
     say(f"refine in {what}: the splat copied", time.perf_counter() - start, beat.phase())
@@ -272,7 +271,7 @@ def refine_and_cancel(beat: Beat, files) -> Iterator[float]:
 
 
 def refine_to_end(beat: Beat, files) -> Iterator[float]:
-    start, job = time.perf_counter(), module("gssmc_addon.refine.job")
+    start, job = time.perf_counter(), module("gssmc_addon.jobs.slot")
     yield from begin_refine(beat, files, "the room (40,000)")
     yield from until(lambda: job.active() is None or job.active().fraction > 0.9, "the refinement")
     say("refine in the room: while it runs", None, beat.phase())

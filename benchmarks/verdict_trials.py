@@ -13,12 +13,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -31,10 +33,11 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 from real_scenes import SCENES, STARTS, Scan, start_camera
 
 from core.cameras.files import read_cameras
-from core.geometry.camera import Camera, pose_error
+from core.geometry.camera import Camera, Pose, pose_error
 from core.photos.photo import Photo, read_photo
 from core.pose.refine import refine
 from core.pose.report import PoseQuality
+from core.pose.report_json import quality_to_dict
 from core.pose.settings import RefineSettings
 from core.pose.verdict.verdict import judge
 from core.render import Renderer, RenderSettings
@@ -142,7 +145,7 @@ def run(scan: Scan, spoiler: str, start: str, seed: int) -> Iterator[dict[str, o
             "verdict": report.verdict,
             "seconds": report.seconds,
             "reasons": report.reasons,
-            "quality": asdict(report.quality) if report.quality else None,
+            "quality": quality_to_dict(report.quality) if report.quality else None,
         }
 
 
@@ -182,9 +185,15 @@ def _counts(name: str, rows: list[dict[str, object]]) -> str:
     )
 
 
+def quality_from(data: dict[str, Any]) -> PoseQuality:
+    """The evidence that `quality_to_dict` wrote; what JSON cannot hold is NaN."""
+    pose = Pose(np.array(data["pose"]["R"]), np.array(data["pose"]["t"]))
+    return PoseQuality(**{k: math.nan if v is None else v for k, v in data.items() if k != "pose"}, pose=pose)
+
+
 def judged_again(rows: list[dict[str, object]]) -> list[dict[str, object]]:
     """The same evidence under the verdict's rules of today; where there was none, the verdict stays."""
-    return [{**r, "verdict": judge(PoseQuality(**r["quality"]))[0]} if r["quality"] else r for r in rows]
+    return [{**r, "verdict": judge(quality_from(r["quality"]))[0]} if r["quality"] else r for r in rows]
 
 
 def main() -> int:

@@ -8,6 +8,7 @@ from ..operators import (
     add_photo,
     add_photos,
     add_plate,
+    back_to_solution,
     camera_from_view,
     cancel,
     export_cameras,
@@ -25,13 +26,14 @@ from ..operators import (
     set_mask,
     undistort_photo,
 )
+from .camera import frame as camera_frame
 from .headless import command as cli
+from .jobs import slot as jobs
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch
-from .refine import job as jobs
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
@@ -52,6 +54,7 @@ _class_modules = (
     import_cameras,
     export_cameras,
     camera_from_view,
+    back_to_solution,
     match_resolution,
     undistort_photo,
     report_problem,
@@ -74,6 +77,7 @@ def register() -> None:
     menus.register()
     preferences.register()
     jobs.register()
+    camera_frame.register()
     viewport.register()
     preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
@@ -83,6 +87,7 @@ def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
     preview_watch.unregister()
     viewport.unregister()
+    camera_frame.unregister()
     flicker.unregister()
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())

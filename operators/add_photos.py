@@ -44,6 +44,11 @@ class _AddPhotos(JobFromFile):
         photo_list.pick(scene, jobs.by_uid(scene.objects, job.added[0]))
         return self.done(context, _summary(job), "WARNING" if job.failed else "INFO")
 
+    def broke_off(self, context, job, message):
+        """What was added before is kept; without this it would be in no undo step."""
+        self.refuse(context, message)
+        return {"FINISHED"} if job.added else {"CANCELLED"}
+
     def stopped(self, context, job):
         if job.added:
             return self.apply(context, job, job)

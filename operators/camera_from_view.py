@@ -5,6 +5,7 @@ from bpy.props import BoolProperty
 from mathutils import Matrix
 
 from ..gssmc_addon.camera import channels as camera_channels
+from ..gssmc_addon.camera import frame as camera_frame
 from ..gssmc_addon.photo import camera as photo_camera
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import rpt_
@@ -34,6 +35,7 @@ class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):
         if self.new or camera is None or camera.type != "CAMERA":
             render = scene.render
             camera = photo_camera.new_camera(context, "Camera", view, (render.resolution_x, render.resolution_y))
+            camera_frame.release(camera.data)  # as long as there is no photo
             scene.camera = camera
         camera_channels.check_writable(camera)
         camera.matrix_world = Matrix(view.region.view_matrix).inverted()

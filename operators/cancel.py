@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..gssmc_addon.refine import job as jobs
+from ..gssmc_addon.jobs import slot as jobs
 
 
 class GSSMC_OT_cancel(bpy.types.Operator):

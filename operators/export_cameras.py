@@ -8,8 +8,8 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..gssmc_addon.camera import exchange as camera_exchange
 from ..gssmc_addon.photo import image as photo_image
+from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.support.operator_parts import PlainOperator
-from ..gssmc_addon.support.texts import rpt_
 
 FORMATS = (
     ("JSON", "Camera JSON", "GS-SMC's own format, with the verdicts"),
@@ -57,13 +57,13 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         found = camera_exchange.collect(context.scene, self._objects(context))
         if self.world:
             found = camera_exchange.out_of_training_world(found, Path(bpy.path.abspath(self.world)))
-        camera_exchange.write(path, self.format, found)
-        return self.done(context, rpt_("{count} cameras were written to '{path}'.", count=len(found), path=path))
+        wrote = camera_exchange.write(path, self.format, found)
+        return self.done(context, " ".join(wrote), "INFO" if len(wrote) == 1 else "WARNING")
 
     def _objects(self, context):
         source = context.selected_objects if self.selected else context.scene.objects
         cameras = [o for o in source if o.type == "CAMERA"]
-        return cameras if self.selected else [o for o in cameras if photo_image.camera_photo(o)]
+        return cameras if self.selected else [o for o in cameras if photo_image.camera_photo(o) or plate_source.has_clip(o)]
 
 
 classes = (GSSMC_OT_export_cameras,)

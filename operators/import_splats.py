@@ -1,21 +1,19 @@
 """File > Import > Gaussian Splats: a worker thread in the window, a plain call in scripts and background mode."""
 
-import time
 from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from ..core.errors import GssmcError
 from ..core.render import memory
+from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.refine import panel as panels
 from ..gssmc_addon.registration import preferences
 from ..gssmc_addon.splat import display as splat_display
 from ..gssmc_addon.splat import importer as splat_import
 from ..gssmc_addon.splat import object as splat_object
-from ..gssmc_addon.splat.import_job import ImportJob
-from ..gssmc_addon.support.operator_parts import PlainOperator
+from ..gssmc_addon.splat.import_job import SplatImport
 from ..gssmc_addon.support.texts import iface_, rpt_
 from ..gssmc_addon.viewport import props as viewport_props
 
@@ -26,13 +24,10 @@ ORIENTATION_ITEMS = (
     ("Z_UP", "Z Up", "The file's z axis points up, as in Blender: keep the axes"),
     ("Z_DOWN", "Z Down", "The file's z axis points down"),
 )
-TICK_S = 0.03
-STEP_S = 0.05  # of each tick, for writing into Blender's memory, which may take one attribute longer
 DIALOG_WIDTH = 340
-READING = 0.8  # share of the progress shown
 
 
-class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
+class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper):
     """Import a 3D Gaussian Splatting scan as a point cloud"""
 
     bl_idname = "gssmc.import_splats"
@@ -75,7 +70,7 @@ class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
         if self.filepath:  # dropped on the viewport
             title = iface_("Import {file}", file=Path(self.filepath).name)
             return context.window_manager.invoke_props_dialog(self, width=DIALOG_WIDTH, title=title, confirm_text="Import")
-        return super().invoke(context, event)
+        return ImportHelper.invoke(self, context, event)
 
     def check(self, context):
         return True  # the file was changed: draw() describes it anew
@@ -89,76 +84,19 @@ class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
         if not viewport_props.is_drawable():
             self.layout.prop(self, "show_colours")
 
-    def run(self, context):
+    def execute(self, context):
         """After the dialog the file comes in beside other work; a call from a script waits for it."""
-        self._building = None
-        memory.check("The import", memory.import_bytes(Path(self.filepath)), preferences.memory_limit(context))
-        self._job = ImportJob(Path(self.filepath), viewport_props.is_drawable())
-        self._job.start()
-        if not (self.wait or bpy.app.background) and context.window is not None:
-            manager = context.window_manager
-            self._timer = manager.event_timer_add(TICK_S, window=context.window)
-            manager.progress_begin(0, 100)
-            if context.workspace:
-                context.workspace.status_text_set(iface_("Importing {file}    Esc: cancel", file=self._job.path.name))
-            manager.modal_handler_add(self)
-            return {"RUNNING_MODAL"}
-        self._job.join()
-        self._job.look()  # a failure comes before anything is made
-        self._begin_building(self._job.read())
-        while not self._building.step():
-            pass
-        return self._finish(context)
+        self.asked = not (self.wait or bpy.app.background or context.window is None)
+        return super().execute(context)
 
-    def modal(self, context, event):
-        if event.type == "ESC" and event.value == "PRESS":
-            self.cancel(context)
-            self.report({"INFO"}, "The import was cancelled; nothing was changed.")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        try:
-            if not self._advance(context):
-                return {"PASS_THROUGH"}
-            self._end(context)
-            return self._finish(context)
-        except GssmcError as error:
-            self.cancel(context)
-            return self.refuse(str(error))
-
-    def cancel(self, context):
-        """The user or Blender ends the operator."""
-        self._job.stop()
-        if self._building:
-            self._building.drop()
-        self._building = self._scene = None  # as at the end
-        self._end(context)
-
-    def _advance(self, context):
-        """True when all of the file is in Blender's memory, and its look is known."""
-        until = time.perf_counter() + STEP_S
-        if self._building is None:
-            read = self._job.read()
-            if read is None:
-                self._say(context, READING * self._job.fraction)
-                return False
-            self._begin_building(read)
-            return False  # Blender draws anew
-        while not self._complete:
-            self._complete = self._building.step()
-            self._say(context, READING + (1 - READING) * self._building.fraction)
-            if time.perf_counter() > until:
-                return False
-        return self._job.done()
-
-    def _begin_building(self, read):
+    def gather(self, context):
+        path = Path(self.filepath)
+        memory.check("The import", memory.import_bytes(path), preferences.memory_limit(context))
         placement = splat_import.Placement(self.orientation, self.scale, self.max_shown)
-        self._scene, self._complete = read.scene, False
-        self._building = splat_import.Building(self._job.path.stem, read, placement)
+        return SplatImport(path, placement, viewport_props.is_drawable())
 
-    def _finish(self, context):
-        obj, scene = self._building.finish(context, self._job.look()), self._scene
-        self._building = self._scene = self._job = None  # the operator outlives its work in Blender's history
+    def apply(self, context, job, result):
+        obj, scene = job.finish(context), job.scene
         if self.show_colours and not (viewport_props.is_drawable() or splat_object.is_native(obj.data)):
             splat_display.show_colours(context)
         values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
@@ -167,18 +105,8 @@ class GSSMC_OT_import_splats(PlainOperator, bpy.types.Operator, ImportHelper):
             words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
         return self.done(context, " ".join(words))
 
-    def _say(self, context, fraction):
-        """At the mouse: without a graphics card, each redraw of the status bar holds the window up for 0.1 s."""
-        context.window_manager.progress_update(100 * fraction)
-
-    def _end(self, context):
-        if self._timer is None:
-            return
-        context.window_manager.event_timer_remove(self._timer)
-        self._timer = None
-        context.window_manager.progress_end()
-        if context.workspace:
-            context.workspace.status_text_set(None)
+    def stopped(self, context, job):
+        return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")
 
 
 classes = (GSSMC_OT_import_splats,)

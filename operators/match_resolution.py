@@ -19,12 +19,11 @@ class GSSMC_OT_match_resolution(OfPhoto, bpy.types.Operator):
 
     def run(self, context):
         scene, camera = context.scene, context.scene.camera
-        width, height = photo_image.camera_photo(camera).size
-        if not width or not height:
+        size = photo_image.own_size(camera.data)
+        if not all(size):
             raise PhotoError(rpt_("The photo's file cannot be read; add the photo again."))
-        lens = camera_bridge.photo_intrinsics(scene, camera.data, width, height)
-        notes = photo_camera.frame(scene, width, height, allowed=True)
-        camera_bridge.write_intrinsics(scene, camera.data, lens)
+        camera_bridge.move_to_render(scene, camera.data, *size)  # a camera that was set by hand now has a frame, too
+        notes = photo_camera.frame(scene, size, allowed=True, pixel=camera.data.gssmc.photo_pixel)
         return self.done(context, " ".join(notes) or rpt_("The render has the photo's shape already."))
 
 

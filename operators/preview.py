@@ -10,10 +10,11 @@ from ..gssmc_addon.preview import job as preview_job
 from ..gssmc_addon.preview import options as preview_options
 from ..gssmc_addon.preview import watch as preview_watch
 from ..gssmc_addon.registration import settings as settings_props
+from ..gssmc_addon.support.operator_parts import NeedsPhoto
 from ..gssmc_addon.support.texts import rpt_
 
 
-class GSSMC_OT_preview(JobOperator, bpy.types.Operator):
+class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
     """Render the splat through the camera and set it against the photo"""
 
     bl_idname = "gssmc.preview"

@@ -7,10 +7,12 @@ from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.refine import job as jobs
 from ..gssmc_addon.registration import settings as settings_props
+from ..gssmc_addon.support import problem
+from ..gssmc_addon.support.operator_parts import NeedsPhoto
 from ..gssmc_addon.support.texts import rpt_
 
 
-class GSSMC_OT_refine(JobOperator, bpy.types.Operator):
+class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
     """Find the exact camera of the photo, starting from where the camera stands"""
 
     bl_idname = "gssmc.refine"
@@ -30,7 +32,9 @@ class GSSMC_OT_refine(JobOperator, bpy.types.Operator):
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
         photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
         context.view_layer.update()  # scripts set locations and expect them to count
-        return jobs.gather(scene, splat, camera, photo, settings_props.settings_from(scene.gssmc, self.properties))
+        job = jobs.gather(scene, splat, camera, photo, settings_props.settings_from(scene.gssmc, self.properties))
+        problem.begin(self.bl_label)
+        return job
 
     def apply(self, context, job, report):
         message = jobs.apply_report(job.targets, report)

@@ -7,6 +7,8 @@ from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.photo import queue as photo_queue
 from ..gssmc_addon.registration import settings as settings_props
+from ..gssmc_addon.support import problem
+from ..gssmc_addon.support.operator_parts import NeedsPhoto
 from ..gssmc_addon.support.texts import rpt_, tip_
 
 WHICH = (
@@ -16,7 +18,7 @@ WHICH = (
 )
 
 
-class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
+class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
     """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
 
     bl_idname = "gssmc.refine_all"
@@ -44,7 +46,9 @@ class GSSMC_OT_refine_all(JobOperator, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
-        return photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties))
+        job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties))
+        problem.begin(self.bl_label)
+        return job
 
     def apply(self, context, job, result):
         message = job.summary()

@@ -3,15 +3,18 @@
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
-from ..core.errors import RefineError
+from ..core.errors import GssmcError, RefineError
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.camera import keys as camera_keys
+from ..gssmc_addon.camera import solution as camera_solution
+from ..gssmc_addon.camera.record import Solution
 from ..gssmc_addon.jobs.operator import AskingJobOperator
+from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.plate.job import SequenceJob, SequenceOptions, frame_list
-from ..gssmc_addon.registration import camera_props
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.splat import object as splat_object
+from ..gssmc_addon.support import problem
 from ..gssmc_addon.support.texts import rpt_
 
 
@@ -46,10 +49,18 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         **settings_props.model_annotations(),
     }
 
+    @classmethod
+    def poll(cls, context):
+        lack = _lack(context.scene)
+        if lack:
+            cls.poll_message_set(lack)
+            return False
+        return super().poll(context)
+
     def invoke(self, context, event):
         try:
             self.asked, (low, high) = True, self._range(context)
-        except RefineError as error:
+        except GssmcError as error:
             return self.refuse(context, str(error))
         if not self.properties.is_property_set("start"):
             self.start = low
@@ -78,7 +89,9 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         camera_channels.check_writable(scene.camera)
         options = SequenceOptions(start, end, self.step, self.smooth_frames, self.every_frame, self.key_lens)
         settings = settings_props.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
-        return SequenceJob(scene, scene.camera, options, settings)
+        job = SequenceJob(scene, scene.camera, options, settings)
+        problem.begin(self.bl_label, job.reports)
+        return job
 
     def apply(self, context, job, result):
         scene, splat, camera = job.find()
@@ -88,7 +101,12 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         seconds = sum(report.seconds for report in job.reports.values())
         trusted = not job.bad and all(report.verdict == "trusted" for report in job.reports.values())
         reasons = [job.summary(), *sorted({f"{message}" for message in job.bad.values()})][:4]
-        camera_props.note_verdict(camera.data, "trusted" if trusted else "check", reasons, len(job.reports), seconds)
+        verdict = "trusted" if trusted else "check"
+        solved = job.options.key_lens and job.settings.lens != "fixed"
+        state = "SOLVED" if solved else camera.data.gssmc.lens_state
+        first, count, depth = cameras[min(cameras)], len(job.reports), job.median_depth
+        found = Solution(first, verdict, tuple(reasons), count, seconds, state, depth, path=cameras)
+        camera_solution.keep(scene, camera, splat, found)
         camera.data.gssmc.bad_frames = frame_list(job.bad)
         values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
         message = rpt_('"{name}": {summary} {count} keys were set.', **values)
@@ -97,14 +115,31 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
     def _range(self, context):
         """The frames that scene and plate share. Raises RefineError."""
         scene, camera = context.scene, context.scene.camera
-        if camera is None or camera.type != "CAMERA":
-            raise RefineError(rpt_("The scene has no camera for the plate; use Add Plate in the GS-SMC panel."))
+        _check_camera(camera)
         plate = plate_source.moving_photo(camera)
         if plate is None:
             raise RefineError(plate_source.no_plate(camera))
         first, last = plate.scene_range
         low, high = max(first, scene.frame_start), min(last, scene.frame_end)
         return (low, high) if low <= high else (first, last)
+
+
+def _check_camera(camera):
+    if camera is None or camera.type != "CAMERA":
+        raise RefineError(rpt_("The scene has no camera for the plate; use Add Plate in the GS-SMC panel."))
+
+
+def _lack(scene):
+    """Why no plate can be refined, as a sentence, without opening its file; "" when one can."""
+    try:
+        splat_object.check_picked(scene, scene.gssmc.splat)
+        _check_camera(scene.camera)
+    except RefineError as error:
+        return str(error)
+    image, slots = photo_image.camera_photo(scene.camera), scene.camera.data.background_images
+    clip = image is None and any(slot.source == "MOVIE_CLIP" and slot.clip for slot in slots)
+    moves = clip or (image is not None and image.source in plate_source.MOVING)
+    return "" if moves else plate_source.no_plate(scene.camera)
 
 
 classes = (GSSMC_OT_refine_sequence,)

@@ -14,7 +14,10 @@ class GSSMC_OT_report_problem(bpy.types.Operator):
 
     def execute(self, context):
         context.window_manager.clipboard = problem.text(context)
-        self.report({"INFO"}, "Versions and the last refinement's record are on the clipboard; paste them into your report.")
+        self.report(
+            {"INFO"},
+            "Versions and the last job's record are on the clipboard, without names, paths and poses: paste them.",
+        )
         return {"FINISHED"}
 
 

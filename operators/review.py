@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, IntProperty
 
+from ..gssmc_addon.camera import solution as camera_solution
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.texts import tip_
 
@@ -45,7 +46,7 @@ class GSSMC_OT_review(bpy.types.Operator):
 
     def _wanted(self, scene, entry):
         camera = photo_list.camera_of(scene, entry)
-        return camera is not None and not (self.skip_trusted and camera.data.gssmc.verdict == "TRUSTED")
+        return camera is not None and not (self.skip_trusted and camera_solution.verdict(scene, camera) == "TRUSTED")
 
 
 classes = (GSSMC_OT_review,)

@@ -80,7 +80,7 @@ def run(out: Path) -> int:
 def engine_camera(camera: Any, sample: SampleFiles) -> Camera:
     """The Blender camera object as the engine sees it: in the splat file's coordinates, at the photo's size."""
     import bpy
-    from bl_ext.user_default.gssmc.gssmc_addon import camera_bridge
+    from bl_ext.user_default.gssmc.gssmc_addon.camera import bridge as camera_bridge
 
     from core.cameras.files import read_cameras
     from core.geometry.camera import Camera, Intrinsics, Pose

@@ -1,32 +1,162 @@
-"""The results file of a batch: always whole on disk, always in the order of the queries, and taken up again by a second run."""
+"""The results of a batch on disk: a journal while it runs, and a results file in the order of the queries when it ends.
+
+The journal lies beside the results file, named as it is with ".journal" behind: a first line that says what it is, then a JSON
+record a line, each on disk before the next photo's. A batch that was killed leaves it behind, and the next one takes it up.
+It is locked while a batch writes to it, and the system lets go of the lock however the batch ends.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
+import errno
 import json
+import logging
+import os
+from collections.abc import Iterable
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 from ..errors import GssmcError
-from ..support.atomic import atomic_write
+from ..support.atomic import atomic_write, remove_parts, sync_folder
+from ..support.lock import open_locked
+
+log = logging.getLogger(__name__)
 
 Record = dict[str, Any]
 
 HEAD = '{"frames": [\n'  # a record per line follows, so that a file cut short still gives up its whole lines
+JOURNAL_HEAD = '{"gssmc_journal": 1}\n'
+NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, errno.ENOSYS})
 
 
 class ResultsError(GssmcError):
     """The results file cannot be used."""
 
 
-def job_key(*parts: Any) -> str:
-    """A short digest of everything that an answer depends on; equal keys mean that it need not be found again."""
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+class ResultStore:
+    """Records by query index: `records`. A context manager: between its ends no other batch can use the same results file.
+
+    Entering takes over what earlier runs finished for the same queries and options, whole or killed. Photos that could not be
+    tried at all (records with "error") are tried again. Finished records of other queries or options go into a file named as
+    the results are, with ".old" behind. Leaving writes the results file in one step and removes the journal.
+    """
+
+    def __init__(self, path: Path, keys: list[str]) -> None:
+        """`keys`: per query, a digest of everything that its answer depends on."""
+        self._path = Path(os.path.realpath(path))
+        self._journal = self._path.with_name(f"{self._path.name}.journal")
+        self._keys = keys
+        self._texts: dict[int, str] = {}
+        self._handle = -1
+        self._changed = False  # since the results file was written
+        self.records: dict[int, Record] = {}
+
+    def __enter__(self) -> ResultStore:
+        """Raises ResultsError when another batch uses the file, or it is something else, rather than overwrite it; OSError
+        when its place cannot be written to, before hours of work.
+        """
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._handle = self._locked()
+        try:
+            remove_parts(self._path)
+            self._resume()
+        except BaseException:
+            self._release()
+            raise
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        try:
+            self._compact()
+        except OSError as problem:
+            if error is None:
+                raise
+            log.warning("The results stay in '%s', for they cannot be written to '%s' (%s)", self._journal, self._path, problem)
+        finally:
+            self._release()
+
+    def put(self, index: int, record: Record) -> None:
+        """Add a record; it is on disk when this returns. Raises OSError, and then the record is not there."""
+        text = json.dumps({**record, "key": self._keys[index]})
+        size = os.fstat(self._handle).st_size
+        try:
+            _write(self._handle, ("" if size else JOURNAL_HEAD) + text + "\n")
+            os.fsync(self._handle)
+        except OSError:
+            os.ftruncate(self._handle, size)
+            raise
+        self.records[index], self._texts[index], self._changed = record, text, True
+
+    def _locked(self) -> int:
+        try:
+            handle = open_locked(self._journal)
+        except OSError as error:
+            if error.errno not in NO_LOCKS:
+                raise
+            log.warning("'%s' lies where files cannot be locked; start no second batch on it", self._path)
+            return os.open(self._journal, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        if handle is None:
+            raise ResultsError(f"Another batch is writing to '{self._path}'; wait for its end, or give another --out.")
+        return handle
+
+    def _resume(self) -> None:
+        found = [*self._results(), *self._journalled()]
+        usable = {frame["key"]: frame for frame in found if frame["verdict"] and "error" not in frame}
+        for index, key in enumerate(self._keys):
+            if key in usable:
+                self.records[index], self._texts[index] = usable[key], json.dumps(usable[key])
+        wanted = set(self._keys)
+        others = [json.dumps(frame) for key, frame in usable.items() if key not in wanted]
+        if others:
+            old = self._path.with_name(f"{self._path.name}.old")
+            _save(old, [*others, *self._texts.values()])
+            log.warning("%d results of other photos or options in '%s' are kept in '%s'", len(others), self._path, old)
+        self._changed = os.fstat(self._handle).st_size > 0
+        self._compact()
+
+    def _results(self) -> list[Record]:
+        """The records of the results file, of one cut short those that are whole. Raises ResultsError."""
+        if not self._path.exists():
+            return []
+        try:
+            return _checked(_frames(self._path.read_text(encoding="utf-8", errors="replace")))
+        except (ValueError, KeyError, TypeError):
+            raise ResultsError(f"'{self._path}' exists and is no results file of a batch; give another --out.") from None
+
+    def _journalled(self) -> list[Record]:
+        """The whole records that a killed run left in the journal. Raises ResultsError."""
+        text = self._journal.read_text(encoding="utf-8", errors="replace")
+        head = JOURNAL_HEAD[: len(text)]  # a run may be killed while it writes even that
+        try:
+            if not text.startswith(head):
+                raise ValueError
+            return _checked(_whole_lines(text[len(head) :]))
+        except (ValueError, KeyError, TypeError):
+            raise ResultsError(f"'{self._journal}' exists and is no journal of a batch; give another --out.") from None
+
+    def _compact(self) -> None:
+        """Writes the results file from all records, and only then empties the journal."""
+        if not self._changed:
+            return
+        _save(self._path, [self._texts[index] for index in sorted(self._texts)])
+        sync_folder(self._path.parent)
+        os.ftruncate(self._handle, 0)
+        self._changed = False
+
+    def _release(self) -> None:
+        """Lets go of the journal, and removes it unless it holds what the results file does not."""
+        empty = os.fstat(self._handle).st_size == 0
+        if empty and os.name != "nt":
+            self._journal.unlink(missing_ok=True)  # while it is locked: nobody can have begun to write to it
+        os.close(self._handle)
+        if empty and os.name == "nt":
+            with contextlib.suppress(OSError):  # another batch has it open already
+                self._journal.unlink(missing_ok=True)
 
 
 def _frames(text: str) -> list[Record]:
-    """The records of a results file; of one that was cut short (a full disk, a broken copy), those that are whole.
+    """The records of a results file's text, of one cut short (a full disk, a broken copy) those that are whole.
 
     Raises ValueError, KeyError or TypeError when the text is something else.
     """
@@ -36,51 +166,32 @@ def _frames(text: str) -> list[Record]:
     except json.JSONDecodeError:
         if not text.startswith(HEAD):
             raise
+    return _whole_lines(text[len(HEAD) :])
+
+
+def _whole_lines(text: str) -> list[Record]:
     whole: list[Record] = []
-    for line in text[len(HEAD) :].splitlines():
+    for line in text.splitlines():
         with contextlib.suppress(json.JSONDecodeError):
             whole.append(json.loads(line.rstrip(",")))
     return whole
 
 
-class ResultStore:
-    """Records by query index. `save` replaces the file in one step, so that a crash finds the old one or the new one."""
+def _checked(frames: list[Record]) -> list[Record]:
+    """`frames`, when all are records. Raises KeyError or TypeError."""
+    for frame in frames:
+        _ = {frame["key"]: frame["verdict"]}
+    return frames
 
-    def __init__(self, path: Path, keys: list[str]) -> None:
-        self._path = path
-        self._keys = keys
-        self._texts: dict[int, str] = {}
-        self.records: dict[int, Record] = {}
 
-    def resume(self) -> int:
-        """Take over what an earlier run finished for the same queries and options; returns how many.
+def _save(path: Path, texts: Iterable[str]) -> None:
+    with atomic_write(path) as file:
+        file.write(HEAD)
+        file.write(",\n".join(texts))
+        file.write("\n]}\n")
 
-        Photos that could not be tried at all (records with "error") are tried again. A file cut short gives what is
-        whole in it. Raises ResultsError when the file is something else, rather than overwrite it.
-        """
-        if not self._path.exists():
-            return 0
-        try:
-            frames = _frames(self._path.read_text(encoding="utf-8", errors="replace"))
-            usable = {frame["key"]: frame for frame in frames if frame["verdict"] and "error" not in frame}
-        except (ValueError, KeyError, TypeError):
-            raise ResultsError(f"'{self._path}' exists and is no results file of a batch; give another --out.") from None
-        for index, key in enumerate(self._keys):
-            if key in usable:
-                self._keep(index, usable[key])
-        return len(self.records)
 
-    def put(self, index: int, record: Record) -> None:
-        """Add a record and save."""
-        self._keep(index, {**record, "key": self._keys[index]})
-        self.save()
-
-    def save(self) -> None:
-        with atomic_write(self._path) as file:
-            file.write(HEAD)
-            file.write(",\n".join(self._texts[index] for index in sorted(self._texts)))
-            file.write("\n]}\n")
-
-    def _keep(self, index: int, record: Record) -> None:
-        self.records[index] = record
-        self._texts[index] = json.dumps(record)  # kept, because the whole file is written after every photo
+def _write(handle: int, text: str) -> None:
+    data = memoryview(text.encode())
+    while data:
+        data = data[os.write(handle, data) :]

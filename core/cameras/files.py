@@ -2,7 +2,8 @@
 
 A camera is {"file", "width", "height", "fx", "fy", "cx", "cy", "dist": [k1, k2, p1, p2(, k3)], "R": 3x3, "t": [3]};
 world-to-camera, OpenCV axes, pixel centres at +0.5. "file" and "dist" may be left out; "focal_guessed": true says that the
-focal length is no calibration. A start may leave out its whole lens (see `Start`): the photo then gives one.
+focal length is no calibration, and so does the "lens" of a result for which it was solved. A start may leave out its whole
+lens (see `Start`): the photo then gives one.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from ..geometry.camera import Camera, Intrinsics, Pose
 from ..support.atomic import atomic_write
 
 T = TypeVar("T")
+SOLVED_LENSES = ("focal", "radial", "full")  # of a result's "lens": what was solved for, which is no calibration
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 
 
@@ -114,7 +116,7 @@ def start_from_dict(data: Any, name: str = "The camera") -> Start:
     if not isinstance(guessed, bool):
         raise CameraError(f"{name} has a focal_guessed that is neither true nor false; correct it.")
     try:
-        return Start(Pose(R, t), file, lens, guessed or lens is None)
+        return Start(Pose(R, t), file, lens, guessed or lens is None or data.get("lens") in SOLVED_LENSES)
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
 

@@ -1,19 +1,16 @@
-"""Command-line flags made from a settings dataclass: names, defaults and help all come from its fields and docstring."""
+"""Command-line flags made from a settings dataclass: names, defaults and help all come from its fields."""
 
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Collection
-from dataclasses import Field, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 from ..errors import UsageError
 from ..features.frontend import check_choice
-from ..features.registry import AUTO, EXTRACTORS, MATCHERS
-from ..pose.settings import RefineSettings, choices
-
-FEATURE_CHOICES = {"features": (*EXTRACTORS, AUTO), "matcher": tuple(MATCHERS)}
+from ..pose.settings import RefineSettings
+from ..support.options import options_of
 
 SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz or .splat"
 
@@ -30,27 +27,22 @@ class OneLineParser(argparse.ArgumentParser):
 
 def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = ()) -> None:
     """One flag per field of RefineSettings: --name-with-dashes VALUE, or --no-name for a switch that is on."""
-    group = parser.add_argument_group("refinement options")
-    texts, words = field_texts(RefineSettings), {**choices(), **FEATURE_CHOICES}
+    group, options = parser.add_argument_group("refinement options"), options_of(RefineSettings)
     for field in fields(RefineSettings):
         if field.name in skip:
             continue
-        flag, text = field.name.replace("_", "-"), texts[field.name]
+        option = options[field.name]
+        flag, text = field.name.replace("_", "-"), option.whole_help.replace("%", "%%")
+        common: dict[str, Any] = {"dest": field.name, "default": argparse.SUPPRESS}
         if isinstance(field.default, bool):
-            group.add_argument(
-                f"--no-{flag}", dest=field.name, action="store_false", default=argparse.SUPPRESS, help=f"switch off: {text}"
-            )
-        elif field.name in words:
-            help_text = f"{text} ({field.default})"
-            group.add_argument(
-                f"--{flag}", dest=field.name, choices=words[field.name], default=argparse.SUPPRESS, help=help_text
-            )
+            group.add_argument(f"--no-{flag}", action="store_false", help=f"switch off: {text}", **common)
+        elif option.choices:
+            group.add_argument(f"--{flag}", choices=tuple(option.choices), help=f"{text} ({field.default})", **common)
         elif isinstance(field.default, str):
-            group.add_argument(f"--{flag}", dest=field.name, default=argparse.SUPPRESS, metavar="FILE", help=text)
+            group.add_argument(f"--{flag}", metavar="FILE", help=text, **common)
         else:
-            kind = type(field.default)
-            help_text = f"{text} ({field.default})"
-            group.add_argument(f"--{flag}", dest=field.name, type=kind, default=argparse.SUPPRESS, metavar="N", help=help_text)
+            kind, help_text = type(field.default), f"{text} ({field.default})"
+            group.add_argument(f"--{flag}", type=kind, metavar="N", help=help_text, **common)
 
 
 def settings_from(args: argparse.Namespace, base: RefineSettings | None = None) -> RefineSettings:
@@ -61,12 +53,3 @@ def settings_from(args: argparse.Namespace, base: RefineSettings | None = None) 
     settings = replace(base or RefineSettings(), **given)
     check_choice(settings)
     return settings
-
-
-def field_texts(settings: Any) -> dict[str, str]:
-    """Field name to its text in the dataclass's docstring, whose lines read `name: text`."""
-    known: tuple[Field[Any], ...] = fields(settings)
-    names = "|".join(re.escape(f.name) for f in known)
-    found = re.findall(rf"^\s*({names}): (.+?)(?=^\s*(?:{names}|Raises)\b|\Z)", settings.__doc__ or "", re.M | re.S)
-    texts = {name: " ".join(text.split()).rstrip(".").replace("%", "%%") for name, text in found}
-    return {f.name: texts.get(f.name, f.name.replace("_", " ")) for f in known}

@@ -11,3 +11,5 @@ def say_dropped(scene: GaussianScene) -> None:
     if scene.dropped:
         total = scene.dropped + len(scene)
         note(f"Left out {scene.dropped} of {total} Gaussians whose values are NaN or infinite.")
+    if scene.normalised:
+        note(f"Put right {scene.normalised} Gaussians whose rotation or opacity was out of range.")

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from ..geometry.camera import FloatArray
+from ..geometry.conventions import from_opencv_pixels, to_opencv_pixels
 from .types import Extractor, Features, Grey, Mask
 
 
@@ -42,9 +43,8 @@ class Looks:
             return self.extractor.extract(grey)
         height, width = grey.shape
         size, there = copy_map(width, height, roll_deg, scale)
-        # The map takes corners at 0 to corners at 0; OpenCV's has the first pixel's centre at 0 on both sides.
-        centred = there.copy()
-        centred[:, 2] += there[:, :2] @ (0.5, 0.5) - 0.5
+        centred = there.copy()  # the same map between OpenCV's pixels
+        centred[:, 2] = to_opencv_pixels(there[:, :2] @ from_opencv_pixels((0.0, 0.0)) + there[:, 2])
         copy = cv2.warpAffine(grey, centred, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         found = self.extractor.extract(np.asarray(copy, np.uint8))
         places = (found.keypoints - there[:, 2]) @ np.linalg.inv(there[:, :2]).T

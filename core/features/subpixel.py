@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import FloatArray
+from ..geometry.conventions import from_opencv_pixels, to_opencv_pixels
 
 BoolArray = NDArray[np.bool_]
 
@@ -49,8 +50,7 @@ class SubpixelAligner:
     def _track(
         self, a: NDArray[np.uint8], b: NDArray[np.uint8], points: FloatArray, guess: FloatArray
     ) -> tuple[FloatArray, BoolArray]:
-        # OpenCV puts the centre of the first pixel at 0.
-        start, first = (np.ascontiguousarray(p - 0.5, np.float32).reshape(-1, 1, 2) for p in (points, guess))
+        start, first = (np.ascontiguousarray(to_opencv_pixels(p), np.float32).reshape(-1, 1, 2) for p in (points, guess))
         found, status, _ = cv2.calcOpticalFlowPyrLK(
             a,
             b,
@@ -61,7 +61,7 @@ class SubpixelAligner:
             criteria=LK_CRITERIA,
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )
-        return found.reshape(-1, 2).astype(np.float64) + 0.5, status.ravel() > 0
+        return from_opencv_pixels(found.reshape(-1, 2)), status.ravel() > 0
 
 
 def normalise_locally(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:

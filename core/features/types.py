@@ -14,7 +14,7 @@ Grey = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Features:
     """Local features of one image.
 
@@ -52,7 +52,7 @@ def no_features(size: tuple[int, int], columns: int, binary: bool = False) -> Fe
     return Features(np.zeros((0, 2)), np.zeros((0, columns), np.uint8 if binary else np.float32), size)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Matches:
     """Index pairs (M, 2) intp into two feature sets, and their similarity (M,) float32, larger is better."""
 

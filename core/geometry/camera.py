@@ -138,7 +138,7 @@ class Intrinsics:
         return n * (self.fx, self.fy) + (self.cx, self.cy)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pose:
     """World-to-camera SE(3): x_c = R x_w + t. R (3, 3) and t (3,) are float64 in scene units.
 
@@ -162,6 +162,13 @@ class Pose:
         R.flags.writeable = t.flags.writeable = False
         object.__setattr__(self, "R", R)
         object.__setattr__(self, "t", t)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether R and t are the same numbers."""
+        return isinstance(other, Pose) and np.array_equal(self.R, other.R) and np.array_equal(self.t, other.t)
+
+    def __hash__(self) -> int:
+        return hash(((self.R + 0.0).tobytes(), (self.t + 0.0).tobytes()))  # + 0.0 makes -0 the 0 that it equals
 
     @classmethod
     def as_it_is(cls, R: FloatArray, t: FloatArray) -> Pose:

@@ -1,4 +1,4 @@
-"""The only place where an axis is flipped, or a focal length in millimetres becomes pixels (DESIGN 2).
+"""The only place where an axis is flipped, half a pixel is added, or a focal length in millimetres becomes pixels.
 
 Frames: the engine's cameras are OpenCV (x right, y down, z forward), poses world-to-camera; Blender's, nerfstudio's and
 OpenGL's cameras look along -z with y up, given as camera-to-world. COLMAP's cameras are the engine's own: no function needed.
@@ -31,6 +31,7 @@ HALF_TURN_X_SH = np.array([1.0, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1
 NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 VIEW_SENSOR_MM = 72.0  # of Blender's 3D viewport: CAMERA_PARAM_ZOOM_INIT_PERSP = 2 times the camera's 36 mm
+HALF_PIXEL = 0.5  # the engine puts the centre of the top-left pixel at (0.5, 0.5), OpenCV and pixel indices at (0, 0)
 SIMILARITY_TOLERANCE = 1e-3  # Blender's matrices are float32, and users type scales by hand
 
 # Rows: where the file's x, y, z axes go in a z-up scene. Proper rotations all, so that nothing is mirrored.
@@ -42,6 +43,28 @@ _UP_ROTATIONS: dict[Orientation, FloatArray] = {
 }
 
 
+def from_opencv_pixels(pixels: ArrayLike) -> FloatArray:
+    """Places (..., 2) that OpenCV, or an index into an image, gives, in the engine's pixels; float64."""
+    return np.asarray(pixels, np.float64) + HALF_PIXEL
+
+
+def to_opencv_pixels(pixels: FloatArray) -> FloatArray:
+    """The engine's pixels (..., 2) as OpenCV counts them. Inverse of `from_opencv_pixels`."""
+    return pixels - HALF_PIXEL
+
+
+def opencv_matrix(intrinsics: Intrinsics) -> FloatArray:
+    """K (3, 3) for OpenCV's pixels."""
+    K = intrinsics.matrix
+    K[:2, 2] -= HALF_PIXEL
+    return K
+
+
+def pixel_centres(count: int, first: int = 0) -> FloatArray:
+    """Where the centres of `count` pixels of a row or a column lie (count,), from pixel number `first` on."""
+    return np.arange(first, first + count, dtype=np.float64) + HALF_PIXEL
+
+
 def orientation_matrix(orientation: Orientation) -> FloatArray:
     """4x4 rotation from a file whose named axis points up (or down) to Blender's z-up scene."""
     matrix = np.eye(4)
@@ -49,7 +72,7 @@ def orientation_matrix(orientation: Orientation) -> FloatArray:
     return matrix
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Similarity:
     """p_scene = scale * rotation @ p_file + translation; scale > 0, rotation (3, 3) proper, translation (3,)."""
 
@@ -71,6 +94,18 @@ class Similarity:
             sizes = ", ".join(f"{x:.4g}" for x in np.linalg.norm(linear, axis=0))
             raise CameraError(f"The splat object is scaled unevenly ({sizes}); give it the same scale in x, y and z.")
         return cls(float(np.cbrt(s.prod())), u @ vt, m[:3, 3].copy())
+
+    def __eq__(self, other: object) -> bool:
+        """Whether scale, rotation and translation are the same numbers."""
+        return (
+            isinstance(other, Similarity)
+            and self.scale == other.scale
+            and np.array_equal(self.rotation, other.rotation)
+            and np.array_equal(self.translation, other.translation)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.scale, (self.rotation + 0.0).tobytes(), (self.translation + 0.0).tobytes()))
 
     def to_scene(self, points: ArrayLike) -> FloatArray:
         """Points of the splat file (N, 3) to the scene."""
@@ -147,6 +182,11 @@ class BlenderLens:
     pixel_aspect_x: float = 1.0
     pixel_aspect_y: float = 1.0
 
+    @property
+    def pixel(self) -> float:
+        """How wide a pixel is shown, in its heights."""
+        return self.pixel_aspect_x / self.pixel_aspect_y
+
     def _sensor_and_size(self, width: int, height: int) -> tuple[float, float]:
         """Sensor length (mm) along the fitted axis, and the image's extent along it in square units (pixels x aspect)."""
         across, down = width * self.pixel_aspect_x, height * self.pixel_aspect_y
@@ -189,29 +229,55 @@ def blender_from_intrinsics(intrinsics: Intrinsics, like: BlenderLens) -> Blende
     )
 
 
-def photo_in_frame(frame: Intrinsics, width: int, height: int) -> Intrinsics:
+def photo_in_frame(
+    frame: Intrinsics, width: int, height: int, frame_pixel: float = 1.0, photo_pixel: float = 1.0
+) -> Intrinsics:
     """The camera of a `width` x `height` photo that lies in the middle of the frame, as large as fits whole (Blender's "Fit").
 
-    The frame is the camera of the whole render; where the shapes are the same, the photo fills it.
+    The frame is the camera of the whole render; where the shapes are the same, the photo fills it. `frame_pixel` and
+    `photo_pixel`: how wide a pixel of each is shown, in its heights.
     """
-    scale = min(frame.width / width, frame.height / height)
-    return _recentred(frame, width, height, 1 / scale)
+    across, down = _photo_pixel_in_frame((width, height), (frame.width, frame.height), frame_pixel, photo_pixel)
+    return _recentred(frame, (width, height), (1 / across, 1 / down))
 
 
-def frame_around_photo(photo: Intrinsics, width: int, height: int) -> Intrinsics:
+def frame_around_photo(
+    photo: Intrinsics, width: int, height: int, frame_pixel: float = 1.0, photo_pixel: float = 1.0
+) -> Intrinsics:
     """The camera of a `width` x `height` render in which the photo lies as `photo_in_frame` says; its inverse."""
-    return _recentred(photo, width, height, min(width / photo.width, height / photo.height))
+    size = photo.width, photo.height
+    return _recentred(photo, (width, height), _photo_pixel_in_frame(size, (width, height), frame_pixel, photo_pixel))
 
 
-def _recentred(k: Intrinsics, width: int, height: int, scale: float) -> Intrinsics:
+def pixel_shape(intrinsics: Intrinsics) -> float:
+    """Width over height of a pixel on a sensor whose one focal length is fx pixel widths, and fy pixel heights, long."""
+    return intrinsics.fy / intrinsics.fx
+
+
+def pixel_aspects(shape: float) -> tuple[float, float]:
+    """A pixel's width over height as Blender has it: two numbers of which the smaller one is 1."""
+    return (shape, 1.0) if shape >= 1 else (1.0, 1 / shape)
+
+
+def _photo_pixel_in_frame(
+    photo: tuple[int, int], frame: tuple[int, int], frame_pixel: float, photo_pixel: float
+) -> tuple[float, float]:
+    """How many pixels of the frame a photo's pixel is wide and high, with the photo as large as fits whole."""
+    stretch = photo_pixel / frame_pixel
+    scale = min(frame[0] / (photo[0] * stretch), frame[1] / photo[1])
+    return scale * stretch, scale
+
+
+def _recentred(k: Intrinsics, size: tuple[int, int], scale: tuple[float, float]) -> Intrinsics:
+    (width, height), (across, down) = size, scale
     return replace(
         k,
         width=width,
         height=height,
-        fx=k.fx * scale,
-        fy=k.fy * scale,
-        cx=(k.cx - k.width / 2) * scale + width / 2,
-        cy=(k.cy - k.height / 2) * scale + height / 2,
+        fx=k.fx * across,
+        fy=k.fy * down,
+        cx=(k.cx - k.width / 2) * across + width / 2,
+        cy=(k.cy - k.height / 2) * down + height / 2,
     )
 
 

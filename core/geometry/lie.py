@@ -79,9 +79,3 @@ def se3_exp(xi: ArrayLike) -> Pose:
     """The rigid motion of xi (6,) = (rho, phi): scene units, radians."""
     xi = np.asarray(xi, np.float64)
     return Pose(so3_exp(xi[3:]), left_jacobian(xi[3:]) @ xi[:3])
-
-
-def se3_log(pose: Pose) -> FloatArray:
-    """xi (6,) = (rho, phi) of a rigid motion; the inverse of `se3_exp`."""
-    phi = so3_log(pose.R)
-    return np.concatenate([left_jacobian_inverse(phi) @ pose.t, phi])

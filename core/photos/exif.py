@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+
+from . import jpeg
 
 ORIENTATION, EXIF_IFD, MODEL = 0x0112, 0x8769, 0x0110
 TIFF_WIDTH, TIFF_HEIGHT = 0x0100, 0x0101
@@ -15,7 +17,9 @@ PIXELS_X, PIXELS_Y = 0xA002, 0xA003
 PLANE_X_RESOLUTION, PLANE_UNIT = 0xA20E, 0xA210
 PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
-MAX_ENTRIES = 512
+MAX_ENTRIES, ENTRY_BYTES = 512, 12
+BYTE_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
+FIRST_DIRECTORY = slice(4, 8)  # where the place of the first directory stands
 READERS = {1: ("B", 1), 3: ("H", 2), 4: ("I", 4), 5: ("II", 8), 9: ("i", 4), 10: ("ii", 8)}  # EXIF type: struct code, size
 
 
@@ -32,39 +36,41 @@ class Exif:
 
 
 def read_exif(data: bytes) -> Exif:
-    """What the file's bytes say; the defaults where it has no EXIF or a damaged one, which no photo should fail for."""
+    """What the file's bytes say; the defaults where it has no EXIF. Of a damaged block it is what can be read, for no photo
+    should fail for that.
+    """
     block = find_exif(data)
-    tags: dict[int, float] = {}
-    model = ""
-    try:
-        order = {b"II*\0": "<", b"MM\0*": ">"}[block[:4]]
-        first = struct.unpack(order + "I", block[4:8])[0]
-        tags.update(_read_directory(block, order, first))
-        model = _read_text(block, order, first, MODEL)
-        if EXIF_IFD in tags:
-            tags.update(_read_directory(block, order, int(tags[EXIF_IFD])))
-    except (KeyError, struct.error):
-        pass
+    tags, model = _read_main(block)
     orientation = int(tags.get(ORIENTATION, 1))
     focal = tags.get(FOCAL_LENGTH, 0.0)
     return Exif(orientation if 1 <= orientation <= 8 else 1, _focal_35mm(tags), focal if focal > 0 else None, model)
 
 
+def _read_main(block: bytes) -> tuple[dict[int, float], str]:
+    """The numbers of the block's first directory and of its EXIF directory, and the camera's model."""
+    order = BYTE_ORDERS.get(block[:4])
+    if order is None or len(block) < FIRST_DIRECTORY.stop:
+        return {}, ""
+    main = list(_entries(block, order, struct.unpack(order + "I", block[FIRST_DIRECTORY])[0]))
+    tags = _numbers(main, order)
+    if EXIF_IFD in tags:
+        tags |= _numbers(_entries(block, order, int(tags[EXIF_IFD])), order)
+    return tags, next((_text(entry) for entry in main if (entry.tag, entry.kind) == (MODEL, ASCII)), "")
+
+
 def tiff_size(data: bytes) -> tuple[int, int] | None:
     """(width, height) of a TIFF file's first picture, as stored; None when its first directory does not say."""
-    try:
-        order = {b"II*\0": "<", b"MM\0*": ">"}[data[:4]]
-        tags = _read_directory(data, order, struct.unpack(order + "I", data[4:8])[0])
-        return int(tags[TIFF_WIDTH]), int(tags[TIFF_HEIGHT])
-    except (KeyError, struct.error):
+    tags, _ = _read_main(data)
+    if TIFF_WIDTH not in tags or TIFF_HEIGHT not in tags:
         return None
+    return int(tags[TIFF_WIDTH]), int(tags[TIFF_HEIGHT])
 
 
 def find_exif(data: bytes) -> bytes:
     """The EXIF block, which is a small TIFF file; empty when there is none."""
-    if data[:4] in (b"II*\0", b"MM\0*"):
+    if data[:4] in BYTE_ORDERS:
         return data
-    if data[:2] == b"\xff\xd8":
+    if data.startswith(jpeg.SIGNATURE):
         chunks = _jpeg_chunks(data)
     elif data[:8] == b"\x89PNG\r\n\x1a\n":
         chunks = _png_chunks(data)
@@ -76,12 +82,9 @@ def find_exif(data: bytes) -> bytes:
 
 
 def _jpeg_chunks(data: bytes) -> Iterator[bytes]:
-    at = 2
-    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != 0xDA:
-        length = int.from_bytes(data[at + 2 : at + 4], "big")
-        if data[at + 1] == 0xE1 and data[at + 4 : at + 10] == b"Exif\0\0":
-            yield data[at + 4 : at + 2 + length]
-        at += 2 + max(length, 2)
+    for segment in jpeg.header_segments(data):
+        if segment.marker == jpeg.APP1 and data.startswith(b"Exif\0\0", segment.start):
+            yield data[segment.start : segment.end]
 
 
 def _png_chunks(data: bytes) -> Iterator[bytes]:
@@ -102,35 +105,44 @@ def _webp_chunks(data: bytes) -> Iterator[bytes]:
         at += 8 + length + (length & 1)
 
 
-def _read_directory(block: bytes, order: str, offset: int) -> dict[int, float]:
-    """Tag to its first value, of the directory at `offset`; stops where the block ends."""
+@dataclass(frozen=True)
+class _Entry:
+    """One entry of a directory: `raw` holds its first value, or its text; shorter than that where the block is cut off."""
+
+    tag: int
+    kind: int
+    raw: bytes
+
+
+def _entries(block: bytes, order: str, offset: int) -> Iterator[_Entry]:
+    """The entries of the directory at `offset`, as far as the block goes."""
+    start = offset + 2
+    if offset < 0 or start > len(block):
+        return
+    (count,) = struct.unpack(order + "H", block[offset:start])
+    for at in range(start, start + ENTRY_BYTES * min(count, MAX_ENTRIES), ENTRY_BYTES):
+        entry = block[at : at + ENTRY_BYTES]
+        if len(entry) < ENTRY_BYTES:
+            return
+        tag, kind, length, place = struct.unpack(order + "HHII", entry)
+        size = min(length, MODEL_CHARACTERS) if kind == ASCII else READERS[kind][1] if kind in READERS else 0
+        whole = length if kind == ASCII else size
+        yield _Entry(tag, kind, entry[8 : 8 + size] if whole <= 4 else block[place : place + size])
+
+
+def _numbers(entries: Iterable[_Entry], order: str) -> dict[int, float]:
+    """Tag to its first value, of the entries that are whole numbers or fractions."""
     tags: dict[int, float] = {}
-    (count,) = struct.unpack(order + "H", block[offset : offset + 2])
-    for i in range(min(count, MAX_ENTRIES)):
-        entry = block[offset + 2 + 12 * i : offset + 14 + 12 * i]
-        tag, kind, _ = struct.unpack(order + "HHI", entry[:8])
-        if kind not in READERS:
-            continue
-        code, size = READERS[kind]
-        at = struct.unpack(order + "I", entry[8:])[0] if size > 4 else None
-        raw = entry[8 : 8 + size] if at is None else block[at : at + size]
-        if len(raw) == size:
-            values = struct.unpack(order + code, raw)
-            tags[tag] = values[0] if len(values) == 1 else values[0] / values[1] if values[1] else 0.0
+    for entry in entries:
+        code, size = READERS.get(entry.kind, ("", 0))
+        if size and len(entry.raw) == size:
+            values = struct.unpack(order + code, entry.raw)
+            tags[entry.tag] = values[0] if len(values) == 1 else values[0] / values[1] if values[1] else 0.0
     return tags
 
 
-def _read_text(block: bytes, order: str, offset: int, wanted: int) -> str:
-    """The text of one tag in the directory at `offset`; empty where there is none."""
-    (count,) = struct.unpack(order + "H", block[offset : offset + 2])
-    for i in range(min(count, MAX_ENTRIES)):
-        entry = block[offset + 2 + 12 * i : offset + 14 + 12 * i]
-        tag, kind, length = struct.unpack(order + "HHI", entry[:8])
-        if (tag, kind) == (wanted, ASCII):
-            at = struct.unpack(order + "I", entry[8:])[0] if length > 4 else None
-            raw = entry[8 : 8 + length] if at is None else block[at : at + min(length, MODEL_CHARACTERS)]
-            return raw.split(b"\0")[0].decode("latin-1").strip()
-    return ""
+def _text(entry: _Entry) -> str:
+    return entry.raw.split(b"\0")[0].decode("latin-1").strip()
 
 
 def _focal_35mm(tags: dict[int, float]) -> float | None:

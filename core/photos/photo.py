@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ..errors import PhotoError
 from ..geometry.camera import Intrinsics
+from . import jpeg
 from .exif import Exif, read_exif
 from .sensors import focal_35mm_of
 from .size import EXR_SIGNATURE, check_pixels, picture_size, reduction
 
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-JPEG_SIGNATURE = b"\xff\xd8"
 REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
 ROTATION_WORDS = {
     2: "mirrored left to right",
@@ -30,7 +30,7 @@ ROTATION_WORDS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Photo:
     """`pixels` (H, W, 3) uint8 RGB, upright (EXIF rotation applied), still lens-distorted.
 
@@ -38,6 +38,7 @@ class Photo:
     `mask`: (H, W) bool, True where the photo has content (alpha > 0); None when every pixel has.
     `notes`: sentences about what was done to the pixels on reading (16-bit scaled, alpha dropped, rotated).
     `full_size`: (width, height) of a very large photo whose `pixels` were reduced on reading; None when they are all there.
+    `stored_upright`: False where the file's pixels lie turned, as its EXIF data say, so that its own file shows it otherwise.
     `width` and `height` are the photo's own, which its camera belongs to; `pixels` may be fewer.
     """
 
@@ -47,6 +48,7 @@ class Photo:
     mask: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
     full_size: tuple[int, int] | None = None
+    stored_upright: bool = True
 
     @property
     def width(self) -> int:
@@ -65,8 +67,11 @@ def read_photo(path: str | Path) -> Photo:
     """
     path = Path(path)
     data = _read_bytes(path)
+    return _decoded(path, data, read_exif(data))
+
+
+def _decoded(path: Path, data: bytes, exif: Exif) -> Photo:
     raw, factor, full = _decode(data, path)
-    exif = read_exif(data)
     notes: list[str] = []
     if raw.dtype == np.uint16:
         raw = ((raw.astype(np.uint32) + 128) // 257).astype(np.uint8)
@@ -83,7 +88,7 @@ def read_photo(path: str | Path) -> Photo:
         notes.append(f"The photo has {full[0]} x {full[1]} pixels; every {factor} x {factor} of them are used as one.")
     pixels, mask = _split_alpha(raw, notes)
     photo = Photo(np.ascontiguousarray(pixels), str(path), None, mask, tuple(notes), full if factor > 1 else None)
-    return _with_focal(photo, exif)
+    return _with_focal(replace(photo, stored_upright=exif.orientation == 1), exif)
 
 
 @dataclass(frozen=True)
@@ -101,24 +106,25 @@ def photo_facts(path: str | Path) -> PhotoFacts:
     path = Path(path)
     data = _read_bytes(path)
     size, exif = picture_size(data), read_exif(data)
-    upright = exif.orientation == 1
     if size is None:
-        photo = read_photo(path)
-        return PhotoFacts(photo.width, photo.height, photo.focal_35mm, upright)
+        photo = _decoded(path, data, exif)
+        return PhotoFacts(photo.width, photo.height, photo.focal_35mm, photo.stored_upright)
     width, height = size[::-1] if exif.orientation >= 5 else size
-    focal = exif.focal_35mm
-    if focal is None and exif.focal_mm is not None:
-        focal = focal_35mm_of(exif.model, exif.focal_mm, width, height)
-    return PhotoFacts(width, height, focal, upright)
+    return PhotoFacts(width, height, _focal_35mm(exif, width, height), exif.orientation == 1)
+
+
+def _focal_35mm(exif: Exif, width: int, height: int) -> float | None:
+    """The 35 mm equivalent (mm) that EXIF states, or that follows from the real focal length and the camera's sensor."""
+    if exif.focal_35mm is not None or exif.focal_mm is None:
+        return exif.focal_35mm
+    return focal_35mm_of(exif.model, exif.focal_mm, width, height)
 
 
 def _with_focal(photo: Photo, exif: Exif) -> Photo:
-    """`photo` with the focal length that EXIF states, or that follows from the camera's sensor, and a note on the latter."""
-    if exif.focal_35mm is not None or exif.focal_mm is None:
-        return replace(photo, focal_35mm=exif.focal_35mm)
-    focal = focal_35mm_of(exif.model, exif.focal_mm, photo.width, photo.height)
-    if focal is None:
-        return photo
+    """`photo` with its focal length, and a note where that was read with the camera's sensor."""
+    focal = _focal_35mm(exif, photo.width, photo.height)
+    if focal is None or exif.focal_35mm is not None:
+        return replace(photo, focal_35mm=focal)
     note = f"Its focal length of {exif.focal_mm:.4g} mm is read with the sensor of the camera '{exif.model}'."
     return replace(photo, focal_35mm=focal, notes=(*photo.notes, note))
 
@@ -153,8 +159,8 @@ def _read_bytes(path: Path) -> bytes:
         raise PhotoError(f"The photo '{path}' cannot be read ({error.strerror}); check its permissions.") from error
     if not data:
         raise PhotoError(f"The photo '{path}' is empty (0 bytes); copy it again.")
-    if data[:2] == b"\xff\xd8" and data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):
-        raise PhotoError(f"The photo '{path.name}' is cut off: the JPEG has no end; copy it again.")  # decoders fill with grey
+    if data.startswith(jpeg.SIGNATURE) and not jpeg.is_whole(data):  # decoders fill the rest with grey
+        raise PhotoError(f"The photo '{path.name}' is cut off: the JPEG has no end; copy it again.")
     return data
 
 
@@ -170,7 +176,7 @@ def _decode(data: bytes, path: Path) -> tuple[NDArray[Any], int, tuple[int, int]
     size = check_pixels(data, path.name)
     factor = reduction(size) if size else 1
     flags = cv2.IMREAD_UNCHANGED
-    if factor > 1 and data.startswith(JPEG_SIGNATURE):  # the decoder leaves pixels out, which saves their memory
+    if factor > 1 and data.startswith(jpeg.SIGNATURE):  # the decoder leaves pixels out, which saves their memory
         flags = REDUCED_JPEG[factor] | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         raw = cv2.imdecode(np.frombuffer(data, np.uint8), flags)

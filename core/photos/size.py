@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from ..errors import PhotoError
+from . import jpeg
 from .exif import tiff_size
 
 EXR_SIGNATURE = b"\x76\x2f\x31\x01"
@@ -35,17 +34,16 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
     """(width, height) as stored in a JPEG, PNG, TIFF or WebP file; None where it can't be told."""
     if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
         return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
-    if data[:2] == b"\xff\xd8":
-        return next(_jpeg_frames(data), None)
+    if data.startswith(jpeg.SIGNATURE):
+        return _jpeg_size(data)
     if data[:4] == b"RIFF" and data[8:16] == b"WEBPVP8X" and len(data) >= 30:
         return 1 + int.from_bytes(data[24:27], "little"), 1 + int.from_bytes(data[27:30], "little")
     return tiff_size(data)
 
 
-def _jpeg_frames(data: bytes) -> Iterator[tuple[int, int]]:
-    at = 2
-    while at + 9 <= len(data) and data[at] == 0xFF:
-        if data[at + 1] in FRAME_MARKERS:
-            yield int.from_bytes(data[at + 7 : at + 9], "big"), int.from_bytes(data[at + 5 : at + 7], "big")
-            return
-        at += 1 if data[at + 1] == 0xFF else 2 + max(2, int.from_bytes(data[at + 2 : at + 4], "big"))
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    for segment in jpeg.header_segments(data):
+        frame = data[segment.start : segment.start + 5]  # bits per sample, height, width
+        if segment.marker in FRAME_MARKERS and len(frame) == 5:
+            return int.from_bytes(frame[3:], "big"), int.from_bytes(frame[1:3], "big")
+    return None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import Intrinsics
+from ..geometry.conventions import pixel_centres, to_opencv_pixels
 from .photo import Photo
 
 ROWS = 256  # mapped at a time: the map of a whole photo would take several times its memory
@@ -31,8 +32,8 @@ def undistorted(photo: Photo, lens: Intrinsics) -> Photo:
 
 
 def _rows(pixels: NDArray[np.uint8], k: Intrinsics, top: int, count: int) -> NDArray[Any]:
-    x, y = np.meshgrid(np.arange(k.width) + 0.5, np.arange(top, top + count) + 0.5)
+    x, y = np.meshgrid(pixel_centres(k.width), pixel_centres(count, top))
     ideal = np.stack([(x.ravel() - k.cx) / k.fx, (y.ravel() - k.cy) / k.fy], axis=1)
-    bent = k.distort_normalised(ideal) * (k.fx, k.fy) + (k.cx - 0.5, k.cy - 0.5)  # OpenCV counts from a pixel's centre
-    at = bent.reshape(count, k.width, 2).astype(np.float32)
+    bent = k.distort_normalised(ideal) * (k.fx, k.fy) + (k.cx, k.cy)
+    at = to_opencv_pixels(bent).reshape(count, k.width, 2).astype(np.float32)
     return np.asarray(cv2.remap(pixels, at[..., 0], at[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT))

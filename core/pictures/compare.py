@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
+from ..geometry.conventions import pixel_centres, to_opencv_pixels
 from ..photos.photo import Photo
 from ..render.view import RenderedView, ViewRenderer
 from .through_lens import render_through_lens
@@ -29,7 +30,7 @@ STAYED_SHARE = 0.004  # of the long side: a match that moved less between photo 
 SOLID_PIXELS_FOR_EXPOSURE = 100
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """The photo and its render, both (H, W, 3) RGB uint8 in the photo's distorted pixels; `solid` (H, W) bool, where the render
     shows the scan.
@@ -40,7 +41,7 @@ class Comparison:
     solid: NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DrawnMatches:
     """Matches between photo and render at one camera: `photo` and `render` (M, 2) distorted pixels; `good` (M,) those that sit
     at the same place in both.
@@ -88,14 +89,14 @@ def side_by_side(pair: Comparison) -> Image:
 def diagonal(pair: Comparison) -> Image:
     """The photo above the diagonal from bottom left to top right, the render below it, as in the paper's figures."""
     height, width = pair.photo.shape[:2]
-    y, x = (np.arange(height)[:, None] + 0.5) / height, (np.arange(width)[None, :] + 0.5) / width
+    y, x = pixel_centres(height)[:, None] / height, pixel_centres(width)[None, :] / width
     return _split(pair, 1 - y - x, 1 / max(width, height))
 
 
 def wipe(pair: Comparison, position: float) -> Image:
     """The photo left of `position` (0..1 of the width), the render right of it."""
     height, width = pair.photo.shape[:2]
-    x = np.broadcast_to((np.arange(width)[None, :] + 0.5) / width, (height, width))
+    x = np.broadcast_to(pixel_centres(width)[None, :] / width, (height, width))
     return _split(pair, position - x, 1 / width)
 
 
@@ -144,11 +145,11 @@ def matched(pair: Comparison, matches: DrawnMatches) -> Image:
     order = np.concatenate([np.flatnonzero(~matches.good), np.flatnonzero(matches.good)])  # the good ones on top
     step = max(1, -(-len(order) // MAX_LINES))
     for i in order[::step]:
-        ends = [tuple(int(v) for v in np.round(p - 0.5)) for p in (matches.photo[i], matches.render[i] + shift)]
+        ends = [tuple(int(v) for v in np.round(to_opencv_pixels(p))) for p in (matches.photo[i], matches.render[i] + shift)]
         cv2.line(out, ends[0], ends[1], GOOD if matches.good[i] else BAD, 1, cv2.LINE_AA)
     for i in order:
         for place in (matches.photo[i], matches.render[i] + shift):
-            centre = tuple(int(v) for v in np.round(place - 0.5))
+            centre = tuple(int(v) for v in np.round(to_opencv_pixels(place)))
             cv2.circle(out, centre, 2, GOOD if matches.good[i] else BAD, -1, cv2.LINE_AA)
     return out
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import Camera, Intrinsics
+from ..geometry.conventions import pixel_centres, to_opencv_pixels
 from ..render.view import ViewRenderer
 
 MAX_PAD_RATIO = 1.0  # of the image's side; a lens model that folds over would ask for an endless canvas
@@ -36,11 +37,11 @@ def render_through_lens(renderer: ViewRenderer, camera: Camera, supersample: int
 
 def _canvas(k: Intrinsics) -> tuple[Intrinsics, NDArray[np.float32]]:
     """A pinhole camera wide enough for every pixel of `k`, and where in it each pixel lies, (H, W, 2), OpenCV's origin."""
-    x, y = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
+    x, y = np.meshgrid(pixel_centres(k.width), pixel_centres(k.height))
     straight = k.undistort(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(k.height, k.width, 2)
     size = np.array([k.width, k.height])
     low = np.clip(np.floor(straight.min(axis=(0, 1))) - 1, -MAX_PAD_RATIO * size, 0)
     high = np.clip(np.ceil(straight.max(axis=(0, 1))) + 1, size, (1 + MAX_PAD_RATIO) * size)
     width, height = (int(v) for v in high - low)
     canvas = replace(k.pinhole(), width=width, height=height, cx=k.cx - low[0], cy=k.cy - low[1])
-    return canvas, (straight - low - 0.5).astype(np.float32)
+    return canvas, to_opencv_pixels(straight - low).astype(np.float32)

@@ -16,13 +16,14 @@ from ..photos.photo import Photo
 from ..render.view import ViewRenderer
 from .final.solution import Solution, from_epipolar
 from .final.stage import final_stage
-from .report import IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
-from .search.loop import LOOP_SHARE, Answer, Loop
+from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
+from .search.loop import LOOP_SHARE, Answer, Loop, Outcome
 from .search.observe import Query, make_query
 from .settings import RefineSettings
 from .shared.lens import LensCamera, LensMode
 from .shared.working import WorkingPhoto
-from .verdict.verdict import assess, judge
+from .verdict import words
+from .verdict.verdict import assess, assess_start, fits_better, judge
 from .verdict.verify import FinalView, view_at
 
 log = logging.getLogger(__name__)
@@ -77,23 +78,17 @@ def _refine_with(
         loop, query = loop.stronger(query, 0, 1)
     if len(query.features) < MIN_PHOTO_FEATURES:
         reason = f"The photo shows only {len(query.features)} features; it is too dark, blurred or plain to be placed."
-        return job.report(None, "failed", (reason,), records, began)
+        return job.report(None, _Judged("failed", (reason,)), records, began)
     rng = np.random.default_rng(settings.seed)
     outcome = yield from loop.run(query, camera.pose, records, rng)
     answer = outcome.answer
     if answer is None:
-        return job.report(None, "failed", (outcome.problem,), records, began)
+        return job.report(None, _Judged("failed", (outcome.problem,), outcome.details), records, began)
     solution, seen = yield from job.finish(query, answer, len(records), rng)
-    quality = assess(solution, answer.views, seen, answer.intrinsics.pinhole(), answer.median_depth)
-    verdict, reasons = judge(quality)
-    before = outcome.start_agreement
-    if verdict != "failed" and before > seen.agreement + WORSE_AGREEMENT:
-        kept = (
-            f"The start camera fits the photo better ({100 * before:.0f} % of the corners against {100 * seen.agreement:.0f} %)"
-        )
-        return job.report(None, "check", (kept + " and was kept.",), records, began, quality)
-    refined = None if verdict == "failed" else job.full_size(solution.camera)
-    return job.report(refined, verdict, reasons, records, began, quality, solution)
+    judged = job.judged(answer, solution, seen, outcome)
+    found = judged.verdict != "failed" and judged.evidence_of("refined")
+    refined = job.full_size(solution.camera) if found else None
+    return job.report(refined, judged, records, began, solution if found else None)
 
 
 def lens_mode(settings: RefineSettings, camera: Camera) -> LensMode:
@@ -101,6 +96,19 @@ def lens_mode(settings: RefineSettings, camera: Camera) -> LensMode:
     if settings.lens != "auto":
         return settings.lens
     return "focal" if camera.focal_guessed else "fixed"
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """The verdict with its words, and the evidence where a pose was found."""
+
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    details: tuple[str, ...] = ()
+    quality: PoseQuality | None = None
+
+    def evidence_of(self, pose: EvidenceOf) -> bool:
+        return self.quality is not None and self.quality.of == pose
 
 
 @dataclass(frozen=True)
@@ -154,17 +162,40 @@ class _Job:
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
         return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
 
+    def judged(self, answer: Answer, solution: Solution, seen: FinalView, outcome: Outcome) -> _Judged:
+        """The verdict, with the evidence of the pose that is returned, or of the one that is not and why."""
+        photo = self.start.intrinsics
+        quality = assess(solution, answer.views, seen, answer.intrinsics.pinhole(), photo, answer.median_depth)
+        verdict, reasons = judge(quality)
+        if verdict == "failed":
+            quality = replace(quality, of="rejected")
+        elif outcome.start is not None and fits_better(outcome.start, seen, WORSE_AGREEMENT):
+            kept = assess_start(self.start.pose, outcome.start, photo, outcome.start_depth)
+            spurned = words.details(replace(quality, of="rejected"))
+            return _Judged("check", (words.start_kept(kept, quality),), (*words.details(kept), *spurned), kept)
+        return _Judged(verdict, reasons, words.details(quality), quality)
+
     def report(
         self,
         refined: Camera | None,
-        verdict: Verdict,
-        reasons: tuple[str, ...],
+        judged: _Judged,
         records: Sequence[IterationRecord],
         began: float,
-        quality: PoseQuality | None = None,
         solution: Solution | None = None,
     ) -> RefineReport:
         seconds = time.perf_counter() - began
-        log.info("%s after %d iterations, %.1f s: %s", verdict, len(records), seconds, " ".join(reasons))
-        stage, mode = (solution.stage, solution.mode) if solution else ("", self.mode)
-        return RefineReport(refined or self.start, self.start, verdict, reasons, tuple(records), seconds, quality, stage, mode)
+        reasons = judged.reasons
+        log.info("%s after %d iterations, %.1f s: %s", judged.verdict, len(records), seconds, " ".join(reasons))
+        log.debug("%s", " ".join(judged.details))
+        return RefineReport(
+            camera=refined or self.start,
+            start=self.start,
+            verdict=judged.verdict,
+            reasons=reasons,
+            iterations=tuple(records),
+            seconds=seconds,
+            quality=judged.quality,
+            stage=solution.stage if solution else "",
+            lens=solution.mode if solution else self.mode,
+            details=judged.details,
+        )

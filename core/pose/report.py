@@ -8,17 +8,20 @@ from typing import Literal
 from ..geometry.camera import Camera, Pose
 
 Verdict = Literal["trusted", "check", "failed"]
+NAN = float("nan")
 
 
 @dataclass(frozen=True)
 class IterationRecord:
-    """One finished iteration: usable views, matches and inliers over them, epipolar RMS (photo pixels), pose after it."""
+    """One finished iteration: usable views, matches and inliers over them, pose after it. rms_px_of_photo: RMS distance of the
+    inliers from their epipolar lines, in pixels of the photo as it is, NaN where there was no fit.
+    """
 
     index: int
     views_used: int
     matches: int
     inliers: int
-    epipolar_rms_px: float
+    rms_px_of_photo: float
     pose: Pose
 
 
@@ -33,40 +36,58 @@ class RefineProgress:
     record: IterationRecord | None = None
 
 
+EvidenceOf = Literal["refined", "start", "rejected"]
+
+
 @dataclass(frozen=True)
 class PoseQuality:
-    """The evidence behind a verdict (DESIGN 5).
+    """The evidence behind a verdict, and the pose that it is of.
+
+    of: "refined" = the pose that is returned was found; "start" = the start camera fits the photo better and is returned, so
+    the evidence is of that; "rejected" = the verdict is "failed", the start camera is returned, and this is why the pose that
+    was found is not. pose: that pose.
+
+    Pixels are those of the photo as it is, `photo_long_side_px` along its longer side; per cent are of `median_depth` (scene
+    units, over the view that was matched), of the focal length for focal_std_pct. A figure that there is not is NaN, one that
+    has no bound infinite.
 
     views_used: rendered views whose matches hold a two-view pose; inliers: matches in the last fit, over all views;
-    coverage: share (0..1) of the photo's 6 x 6 cells that hold an inlier; epipolar_rms_px: RMS of those inliers;
-    disagreement: distance between the answers of two halves of the views, in per cent of the median depth, and
-    disagreement_deg in degrees (NaN with fewer than four views); translation_std (per cent of the median depth) and
-    rotation_std_deg: deviations from the fit's covariance; focal_std: the same of the focal length, per cent (NaN when it was
-    not solved for); lens_gain: by how many per cent epipolar_rms_px falls where focal length, k1 and k2 are free as well
-    (0 when they were); agreement, offset_px, similarity: see `verify.FinalView`.
+    coverage: share (0..1) of the photo's 6 x 6 cells that hold an inlier; rms_px_of_photo: RMS of those inliers' distances from
+    their epipolar lines; disagreement_pct, disagreement_deg: distance between the answers of two halves of the views (NaN with
+    fewer than four views); translation_std_pct, rotation_std_deg, focal_std_pct: standard deviations, from the fit's covariance
+    widened by what the fit cannot know (`verdict.SHARED_ERROR`); lens_gain_pct: by how much the RMS falls where focal length,
+    k1 and k2 are free as well (0 when they were); corners: the photo's corners over the splat that were looked at; agreement:
+    share of them (0..1) that sit on the final render; offset_px_of_photo: median distance of those that could be followed;
+    similarity: correlation (-1..1) of photo and render, free of exposure. A start that was kept took no part in a fit: only
+    the last four are known of it.
     """
 
-    views_used: int
-    inliers: int
-    coverage: float
-    epipolar_rms_px: float
-    disagreement: float
-    disagreement_deg: float
-    translation_std: float
-    rotation_std_deg: float
-    focal_std: float
-    agreement: float
-    offset_px: float
-    similarity: float
+    of: EvidenceOf
+    pose: Pose
+    photo_long_side_px: int
     median_depth: float
-    lens_gain: float = 0.0
+    corners: int
+    agreement: float
+    offset_px_of_photo: float
+    similarity: float
+    views_used: int = 0
+    inliers: int = 0
+    coverage: float = 0.0
+    rms_px_of_photo: float = NAN
+    disagreement_pct: float = NAN
+    disagreement_deg: float = NAN
+    translation_std_pct: float = NAN
+    rotation_std_deg: float = NAN
+    focal_std_pct: float = NAN
+    lens_gain_pct: float = 0.0
 
 
 @dataclass(frozen=True)
 class RefineReport:
     """The end of a refinement. `camera` is the refined camera; when the verdict is "failed" it is the start, unchanged.
 
-    `reasons` are whole sentences; `seconds` is wall time; `quality` is the evidence, None when no pose was found at all;
+    `reasons` are whole sentences in plain words, the decisive one first, `details` the figures behind them for who knows the
+    terms; `seconds` is wall time; `quality` is the evidence and says which pose it is of, None when no pose was found at all;
     `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop"), `lens` what of the lens was solved for.
     """
 
@@ -79,3 +100,4 @@ class RefineReport:
     quality: PoseQuality | None = None
     stage: str = ""
     lens: str = "fixed"
+    details: tuple[str, ...] = ()

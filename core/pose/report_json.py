@@ -3,40 +3,52 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import fields
 from typing import Any
 
 from ..cameras.files import camera_to_dict
-from ..geometry.camera import Camera
-from .report import IterationRecord, RefineReport
+from ..geometry.camera import Camera, Pose
+from .report import IterationRecord, PoseQuality, RefineReport
 
 VERDICTS = ("trusted", "check", "failed")
 
 
 def report_to_dict(report: RefineReport) -> dict[str, Any]:
-    """The refined camera in the camera format, with "verdict", "reasons", "iterations", "seconds", "quality" and "start"."""
-    quality = {name: _number(value) for name, value in asdict(report.quality).items()} if report.quality else None
+    """The camera in the camera format, with "verdict", "reasons", "details", "iterations", "seconds", "quality" and "start"."""
     return {
         **camera_to_dict(report.camera),
         "verdict": report.verdict,
         "reasons": list(report.reasons),
+        "details": list(report.details),
         "iterations": [_iteration(record) for record in report.iterations],
         "seconds": round(report.seconds, 3),
-        "quality": quality,
+        "quality": quality_to_dict(report.quality) if report.quality else None,
         "stage": report.stage,
         "lens": report.lens,
-        "start": _pose(report.start),
+        "start": _pose(report.start.pose),
     }
 
 
 def error_to_dict(start: Camera, sentence: str) -> dict[str, Any]:
     """The record of a photo that could not be tried at all: the start camera, "failed", and the sentence."""
-    verdict = {"verdict": "failed", "reasons": [sentence], "iterations": [], "seconds": 0.0, "quality": None}
-    return {**camera_to_dict(start), **verdict, "start": _pose(start), "error": sentence}
+    verdict = {"verdict": "failed", "reasons": [sentence], "details": [], "iterations": [], "seconds": 0.0, "quality": None}
+    return {**camera_to_dict(start), **verdict, "start": _pose(start.pose), "error": sentence}
 
 
-def _pose(camera: Camera) -> dict[str, Any]:
-    return {"R": camera.pose.R.tolist(), "t": camera.pose.t.tolist()}
+def _pose(pose: Pose) -> dict[str, Any]:
+    return {"R": pose.R.tolist(), "t": pose.t.tolist()}
+
+
+def quality_to_dict(quality: PoseQuality) -> dict[str, Any]:
+    """The evidence; "of" says of which pose, which "pose" holds."""
+    values = {field.name: getattr(quality, field.name) for field in fields(quality)}
+    return {name: _value(value) for name, value in values.items()}
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, Pose):
+        return _pose(value)
+    return _number(value) if isinstance(value, float) else value
 
 
 def _iteration(record: IterationRecord) -> dict[str, Any]:
@@ -44,12 +56,11 @@ def _iteration(record: IterationRecord) -> dict[str, Any]:
         "views_used": record.views_used,
         "matches": record.matches,
         "inliers": record.inliers,
-        "epipolar_rms_px": _number(record.epipolar_rms_px),
-        "R": record.pose.R.tolist(),
-        "t": record.pose.t.tolist(),
+        "rms_px_of_photo": _number(record.rms_px_of_photo),
+        **_pose(record.pose),
     }
 
 
 def _number(value: float) -> float | None:
-    """JSON has no NaN."""
+    """JSON has neither NaN nor infinity."""
     return value if math.isfinite(value) else None

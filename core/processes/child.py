@@ -27,23 +27,45 @@ def pipes() -> tuple[io.BufferedIOBase, io.BufferedIOBase]:
     return os.fdopen(os.dup(0), "rb"), answers
 
 
+def search_path(package: Path) -> str:
+    """PYTHONPATH of a child: the folder that holds the engine's package, then where this process looks, but never in its
+    working folder. That may be a downloaded scan's, and a `json.py` in it would be run.
+    """
+    try:
+        here = _name(os.getcwd())
+    except OSError:  # a folder that is no more
+        here = ""
+    # A relative entry would mean another folder wherever the child is started, and one with the separator in it means two.
+    own = [p for p in sys.path if os.path.isabs(p) and os.pathsep not in p and _name(p) != here]
+    return os.pathsep.join([str(package.parent), *own])
+
+
+def _name(folder: str) -> str:
+    """The same for one folder however it is spelt."""
+    return os.path.normcase(os.path.realpath(folder))
+
+
 class Child:
     """A running child. `stdin` and `stdout` are its binary pipes; what it says on stderr is kept for `last_words`."""
 
     def __init__(self, module: str, environment: Mapping[str, str] | None = None) -> None:
         """`module` is dotted and below the engine's package, such as "batch.worker". Raises OSError."""
-        package = Path(__file__).resolve().parents[1]
         # Inside Blender the engine's package has another name; the child imports it from its folder, by its own name.
-        search = os.pathsep.join([str(package.parent), *(p for p in sys.path if p)])
+        package = Path(__file__).resolve().parents[1]
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", f"{package.name}.{module}"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._said,
-            env={**os.environ, **(environment or {}), "PYTHONPATH": search},
-            creationflags=NO_WINDOW,
-        )
+        try:
+            self._process = subprocess.Popen(
+                # -P: `-m` alone would put the working folder before everything else that is searched
+                [sys.executable, "-P", "-m", f"{package.name}.{module}"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._said,
+                env={**os.environ, **(environment or {}), "PYTHONPATH": search_path(package)},
+                creationflags=NO_WINDOW,
+            )
+        except BaseException:
+            self._said.close()
+            raise
 
     @property
     def stdin(self) -> io.BufferedIOBase:
@@ -68,12 +90,13 @@ class Child:
         return f"exit code {code}" + (f", {lines[-1].strip()[:200].rstrip('.')}" if lines and code > 0 else "")
 
     def kill(self) -> None:
-        """End the process. The thread that waits for its answer hears of it as of any death; it alone may `close`."""
+        """End the process; the pipes stay open for whoever still reads from them."""
         if self._process.poll() is None:
             self._process.kill()
         self._process.wait()
 
     def close(self) -> None:
+        """End the process and close its pipes, which nobody may be using then. Harmless when repeated."""
         self.kill()
         for pipe in (self._process.stdin, self._process.stdout, self._said):
             with contextlib.suppress(OSError):  # the unsent rest of a dead child's job

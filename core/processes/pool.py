@@ -2,69 +2,54 @@
 
 from __future__ import annotations
 
-import json
+import logging
 import queue
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any
 
-from ..errors import GssmcError, RefineError, SplatFormatError
+from ..errors import RefineError, SplatFormatError
+from .channel import Channel, ChildEndedError
 from .child import ONE_THREAD, Child
 
+log = logging.getLogger(__name__)
+
 POLL_S = 0.2
+START_LIMIT_S = 3600.0  # to read the scan, which may lie on a slow disk
+JOB_LIMIT_S = 3600.0  # for one photo; one that needs more hangs
 
 Record = dict[str, Any]
+Job = tuple[int, Record]
+Lost = Callable[[int, str], Record]
 
 
-class WorkerDiedError(Exception):
-    """A worker process ended in the middle of a job; str() is what it last said."""
+@dataclass(frozen=True)
+class _Ended:
+    """A pool thread has ended: well, or for `error`."""
+
+    error: Exception | None
 
 
-class Worker:
-    """One worker process. `ask` blocks until the answer is there."""
+@dataclass(frozen=True)
+class _Queues:
+    """What is to be done, as (index, job), and what came of it: (index, record), how many Gaussians a worker that has come up
+    left out, or the end of a thread.
+    """
 
-    def __init__(self, first: Record) -> None:
-        self._child = Child("batch.worker", ONE_THREAD)
-        self._first = first
-
-    def start(self) -> int:
-        """Wait until the scene is read; returns how many Gaussians were left out. Raises SplatFormatError, RefineError."""
-        try:
-            answer = self.ask(self._first)
-        except WorkerDiedError as error:
-            raise RefineError(f"A worker process ended while it read the scan ({error}); use fewer --workers.") from None
-        if "error" in answer:
-            raise SplatFormatError(answer["error"])
-        return int(answer["dropped"])
-
-    def ask(self, job: Record) -> Record:
-        try:
-            self._child.stdin.write(json.dumps(job).encode() + b"\n")
-            self._child.stdin.flush()
-            line = self._child.stdout.readline()
-        except (BrokenPipeError, ValueError, OSError):
-            line = b""
-        if not line:
-            raise WorkerDiedError(self._child.last_words())
-        answer: Record = json.loads(line)
-        return answer
-
-    def kill(self) -> None:
-        """End the process. The thread that waits for its answer hears of it as of any death; it alone may `close`."""
-        self._child.kill()
-
-    def close(self) -> None:
-        self._child.close()
+    todo: queue.SimpleQueue[Job] = field(default_factory=queue.SimpleQueue)
+    done: queue.SimpleQueue[Job | int | _Ended] = field(default_factory=queue.SimpleQueue)
 
 
 class Pool:
     """Runs jobs over several workers; a context manager that leaves no process behind."""
 
     def __init__(self, first: Record, workers: int) -> None:
+        """`first` is the first message of each worker, see `batch.worker`."""
         self._first = first
         self._workers = workers
-        self._alive: set[Worker] = set()
+        self._alive: set[Channel] = set()
         self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -81,70 +66,109 @@ class Pool:
         for thread in self._threads:
             thread.join()
 
-    def run(
-        self, jobs: Sequence[tuple[int, Record]], lost: Callable[[int, str], Record], started: Callable[[int], None]
-    ) -> Iterator[tuple[int, Record]]:
+    def run(self, jobs: Sequence[Job], lost: Lost, started: Callable[[int], None]) -> Iterator[Job]:
         """Yields (index, record) as jobs end. A worker that dies costs its job, whose record `lost(index, words)` makes.
 
-        `started` hears from each worker how many Gaussians it left out. Raises GssmcError when workers cannot start.
+        `started` hears from each worker how many Gaussians it left out. A worker that cannot start is done without, which is
+        logged. Raises RefineError when there is none left, SplatFormatError when the first of them cannot read the scan, and
+        whatever else a thread of the pool broke down of.
         """
-        todo: queue.SimpleQueue[tuple[int, Record]] = queue.SimpleQueue()
-        done: queue.SimpleQueue[tuple[int, Record] | GssmcError | int] = queue.SimpleQueue()
+        queues = _Queues()
         for job in jobs:
-            todo.put(job)
-        for _ in range(min(self._workers, len(jobs))):
-            self._threads.append(threading.Thread(target=self._serve, args=(todo, done, lost), daemon=True))
-            self._threads[-1].start()
-        count = 0
+            queues.todo.put(job)
+        self._start_threads(min(self._workers, len(jobs)), queues, lost)
+        running, count, came_up = len(self._threads), 0, False
         while count < len(jobs):
             try:
-                item = done.get(timeout=POLL_S)  # a wait without end would not hear Ctrl-C on every system
+                item = queues.done.get(timeout=POLL_S)  # a wait without end would not hear Ctrl-C on every system
             except queue.Empty:
                 continue
-            if isinstance(item, GssmcError):
-                raise item
-            if isinstance(item, int):
+            if isinstance(item, _Ended):
+                running -= 1
+                _judge(item.error, running, came_up)
+            elif isinstance(item, int):
+                came_up = True
                 started(item)
-                continue
-            count += 1
-            yield item
+            else:
+                count += 1
+                yield item
 
-    def _serve(
-        self,
-        todo: queue.SimpleQueue[tuple[int, Record]],
-        done: queue.SimpleQueue[tuple[int, Record] | GssmcError | int],
-        lost: Callable[[int, str], Record],
-    ) -> None:
-        worker: Worker | None = None
+    def _start_threads(self, count: int, queues: _Queues, lost: Lost) -> None:
+        for _ in range(count):
+            thread = threading.Thread(target=self._serve, args=(queues, lost), daemon=True)
+            try:
+                thread.start()
+            except RuntimeError as error:  # the system has no more threads to give
+                if not self._threads:
+                    raise RefineError(f"No thread for a worker can be started ({error}); end other programs.") from None
+                break
+            self._threads.append(thread)
+
+    def _serve(self, queues: _Queues, lost: Lost) -> None:
+        error: Exception | None = None
+        try:
+            self._work(queues, lost)
+        except Exception as broken:  # noqa: BLE001 - the thread that waits for us judges it, and must hear of every end
+            error = broken
+        queues.done.put(_Ended(error))
+
+    def _work(self, queues: _Queues, lost: Lost) -> None:
+        """Does jobs until there are none left."""
+        worker: Channel | None = None
         try:
             while not self._stop.is_set():
-                index, job = todo.get_nowait()
                 if worker is None:
-                    worker = self._new_worker(done)
+                    if queues.todo.empty():
+                        return
+                    worker = self._new_worker(queues)  # before a job is taken, which nobody else could do then
+                index, job = queues.todo.get_nowait()
                 try:
-                    done.put((index, worker.ask(job)))
-                except WorkerDiedError as words:
+                    queues.done.put((index, worker.ask(job, limit_s=JOB_LIMIT_S)[0]))
+                except ChildEndedError as words:
                     self._end(worker)
                     worker = None
-                    done.put((index, lost(index, str(words))))
+                    queues.done.put((index, lost(index, str(words))))
         except queue.Empty:
             pass
-        except GssmcError as error:
-            done.put(error)
         finally:
             if worker is not None:
                 self._end(worker)
 
-    def _new_worker(self, done: queue.SimpleQueue[tuple[int, Record] | GssmcError | int]) -> Worker:
-        worker = Worker(self._first)
+    def _new_worker(self, queues: _Queues) -> Channel:
+        """A worker that has read the scan. Raises OSError, RefineError or SplatFormatError."""
+        worker = Channel(Child("batch.worker", ONE_THREAD))
         with self._lock:
             self._alive.add(worker)
         if self._stop.is_set():  # the batch ended between the check and the start
             worker.kill()
-        done.put(worker.start())
+        try:
+            answer, _ = worker.ask(self._first, limit_s=START_LIMIT_S)
+            if "error" in answer:
+                raise SplatFormatError(answer["error"])
+            queues.done.put(int(answer["dropped"]))
+        except ChildEndedError as error:
+            self._end(worker)
+            raise RefineError(f"A worker process ended while it read the scan ({error}); use fewer --workers.") from None
+        except BaseException:
+            self._end(worker)
+            raise
         return worker
 
-    def _end(self, worker: Worker) -> None:
+    def _end(self, worker: Channel) -> None:
         with self._lock:
             self._alive.discard(worker)
         worker.close()
+
+
+def _judge(error: Exception | None, running: int, came_up: bool) -> None:
+    """Called while there are jobs to do, when a thread has ended and `running` others have not: raises what ends the batch."""
+    if isinstance(error, OSError):
+        error = RefineError(f"A worker process cannot be started ({error.strerror or error}); use fewer --workers.")
+    if isinstance(error, SplatFormatError) and not came_up:
+        raise error  # the others would say the same
+    if error is not None and not isinstance(error, RefineError | SplatFormatError):
+        raise error
+    if running == 0:
+        raise error or RefineError("The worker processes have ended before their work was done; start the batch again.")
+    if error is not None:
+        log.warning("%s The batch goes on with %d.", error, running)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 DTYPES = frozenset({"<f4", "<f8", "|u1", "<i8"})
-MAX_LINE_BYTES = 65_536
+MAX_LINE_BYTES = 1 << 20
 MAX_ARRAYS = 8
 MAX_ARRAY_BYTES = 1 << 30
 
@@ -38,14 +38,14 @@ def send(stream: BufferedIOBase, header: Header, arrays: Sequence[NDArray[Any]] 
 
 
 def receive(stream: BufferedIOBase) -> tuple[Header, Arrays] | None:
-    """One message; None when the other side has ended. Raises WireError for anything else."""
+    """One message as it was sent; None when the other side has ended. Raises WireError for anything else."""
     line = stream.readline(MAX_LINE_BYTES)
     if not line:
         return None
     try:
         header = json.loads(line)
-        shapes = [(str(kind), tuple(int(n) for n in shape)) for kind, shape in header["arrays"]]
-    except (ValueError, KeyError, TypeError, RecursionError):
+        shapes = [(str(kind), tuple(int(n) for n in shape)) for kind, shape in header.pop("arrays")]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise WireError("no header") from None
     if len(shapes) > MAX_ARRAYS:
         raise WireError("too many arrays")

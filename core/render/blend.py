@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.conventions import HALF_PIXEL
 from . import constants as c
 from .project import FEATURES, L1, L2, L3, LOG_OPACITY, MX, MY, ROW, TILE, Z
 from .tiles import TileLists
@@ -33,7 +34,7 @@ SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))  # cv2's test
 CHANNELS = 6  # r, g, b, 1, z - z0, (z - z0)^2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TileImage:
     """Sums over each tile's Gaussians, (tiles, CHANNELS, PIXELS), and the depth z0 (tiles,) that its depths are relative to."""
 
@@ -43,7 +44,7 @@ class TileImage:
 
 def pixel_basis() -> Float32Array:
     """(1, u^2, uv, v^2, 2u, 2v) of a tile's pixels, relative to its centre, (6, PIXELS), x fastest."""
-    v, u = (a.ravel().astype(np.float32) + np.float32(0.5 - TILE / 2) for a in np.indices((TILE, TILE)))
+    v, u = (a.ravel().astype(np.float32) + np.float32(HALF_PIXEL - TILE / 2) for a in np.indices((TILE, TILE)))
     return np.stack([np.ones_like(u), u * u, u * v, v * v, 2 * u, 2 * v])
 
 

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import os
-import tempfile
 import threading
 import weakref
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 
 from ..errors import Cancelled
 from ..geometry.camera import FloatArray, Intrinsics, Pose
+from ..processes.channel import Channel, ChildEndedError
 from ..processes.child import ONE_THREAD, Child
-from ..processes.wire import WireError, receive, send
 from ..splats.scene import GaussianScene
+from ..support.scratch import ScratchFolder
 from .renderer import Renderer
 from .tables import SceneTables, build_tables
 from .view import RenderedView, RenderSettings, ViewRenderer
@@ -27,6 +25,7 @@ log = logging.getLogger(__name__)
 
 MAX_PROCESSES = 8  # this one included; a refinement draws six or seven views at a time
 MIN_GAUSSIANS = 20_000  # a smaller scene's views are drawn before a process has come up
+LIMIT_S = 300.0  # for one view, and to take up the tables; a process that needs more is stuck, and its view is drawn here
 NICE = 3  # of others, where this process is spared: its window comes first
 Start = Callable[[str, Mapping[str, str]], Child]
 
@@ -67,79 +66,112 @@ class ProcessRenderer:
 
     def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
         """Render as a pinhole (distortion ignored). Raises Cancelled when this was closed."""
-        while (child := self._team.take()) is not None:
-            view = _ask(child, intrinsics, pose)
-            if view is not None:
-                self._team.give_back(child)
-                return view
-            self._team.bury(child)
+        while (channel := self._team.take()) is not None:
+            try:
+                view = _ask(channel, intrinsics, pose)
+            except ChildEndedError as end:
+                self._team.lose(channel, end)
+                continue
+            except BaseException as error:
+                self._team.lose(channel, error)  # its channel has ended it
+                raise
+            self._team.give_back(channel)
+            return view
         try:
             return self._here.render(intrinsics, pose)
         finally:
             self._team.give_back(None)
 
 
-def _ask(child: Child, intrinsics: Intrinsics, pose: Pose) -> RenderedView | None:
-    """The view, drawn by the child; None when it has ended."""
+def _ask(channel: Channel, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
+    """The view, drawn by a child. Raises ChildEndedError."""
     k = intrinsics
-    try:
-        send(child.stdin, {"size": [k.width, k.height]}, [np.array([k.fx, k.fy, k.cx, k.cy]), pose.R, pose.t])
-        answer = receive(child.stdout)
-    except (OSError, ValueError, WireError):
-        return None
-    return RenderedView(*answer[1]) if answer else None
+    lens = np.array([k.fx, k.fy, k.cx, k.cy])
+    _, images = channel.ask({"size": [k.width, k.height]}, [lens, pose.R, pose.t], limit_s=LIMIT_S)
+    return RenderedView(*images)
 
 
 class _Team:
-    """Who draws: children that are ready, and `here`, how many more views may be drawn in this process meanwhile."""
+    """Who draws: children that are ready, and `here`, how many more views may be drawn in this process meanwhile.
+
+    A child takes over one of the views of `here` when it comes up, and gives that back when it ends, so that there are never
+    more than `count` views at a time, nor fewer.
+    """
 
     def __init__(self, count: int, spare: bool, start: Start) -> None:
         self._here, self._start = count, start
         self._wanted, self._nice = (count, NICE) if spare else (count - 1, 0)
-        self._all: set[Child] = set()
-        self._ready: list[Child] = []
+        self._all: set[Channel] = set()
+        self._ready: list[Channel] = []
         self._changed = threading.Condition()
         self._closed = False
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._starting = 0
+        self._folder: ScratchFolder | None = None
 
     def begin(self, tables: SceneTables, near: float) -> None:
         """Starts the children, where the scene is large enough for them to be of use."""
         if not self._wanted or len(tables) < MIN_GAUSSIANS:
             return
         try:
-            self._folder = tempfile.TemporaryDirectory(prefix="gssmc-", ignore_cleanup_errors=True)
-            file = Path(self._folder.name) / "tables"
+            self._folder = ScratchFolder()
+            file = self._folder.path / "tables"
             tables.block.tofile(file)
         except OSError as error:
             log.warning("Views are drawn in one process, for the scan cannot be shared with others (%s)", error)
+            self._forget_file()
             return
         first = {"file": str(file), "rows": len(tables.block), "count": len(tables), "near": near, "nice": self._nice}
+        self._starting = self._wanted
         for _ in range(self._wanted):
-            threading.Thread(target=self._bring_up, args=(first, tables.origin), name="gssmc-start", daemon=True).start()
+            try:
+                threading.Thread(target=self._bring_up, args=(first, tables.origin), name="gssmc-start", daemon=True).start()
+            except RuntimeError as error:  # the system has no more threads to give
+                log.warning("A process for drawing cannot be started: %s", error)
+                self._started()
 
     def _bring_up(self, first: dict[str, object], origin: FloatArray) -> None:
         """Starts one child and takes it in once it is ready to draw."""
         try:
-            child = self._start("render.worker", ONE_THREAD)
+            channel = Channel(self._start("render.worker", ONE_THREAD))
+            with self._changed:
+                self._all.add(channel)
+                closed = self._closed
+            if closed:
+                channel.kill()
+            channel.ask(first, [origin], limit_s=LIMIT_S)
         except OSError as error:
             log.warning("A process for drawing cannot be started: %s", error)
-            return
+        except ChildEndedError as end:
+            self._mourn(channel, end)
+        else:
+            self._take_in(channel)
+        finally:
+            self._started()
+
+    def _take_in(self, channel: Channel) -> None:
         with self._changed:
-            self._all.add(child)
-        try:
-            send(child.stdin, first, [origin])
-            ready = receive(child.stdout) is not None
-        except (OSError, ValueError, WireError):
-            ready = False
-        with self._changed:
-            if ready and not self._closed:
-                self._ready.append(child)
+            if not self._closed:
+                self._ready.append(channel)
                 self._here -= 1
                 self._changed.notify()
                 return
-        self.bury(child)
+        channel.close()
 
-    def take(self) -> Child | None:
+    def _started(self) -> None:
+        """One more child has mapped the tables or never will. With the last, their file goes, so that it is not left behind
+        by a process that is killed; a system that keeps files which are in use removes it in `close`.
+        """
+        with self._changed:
+            self._starting -= 1
+            last = self._starting == 0
+        if last:
+            self._forget_file()
+
+    def _forget_file(self) -> None:
+        if self._folder is not None:
+            self._folder.remove()
+
+    def take(self) -> Channel | None:
         """A child to draw the next view, or None when it is to be drawn here; waits until there is either."""
         with self._changed:
             while True:
@@ -152,35 +184,37 @@ class _Team:
                     return None
                 self._changed.wait()
 
-    def give_back(self, child: Child | None) -> None:
+    def give_back(self, channel: Channel | None) -> None:
         with self._changed:
-            if child is None:
+            if channel is None:
                 self._here += 1
             else:
-                self._ready.append(child)
+                self._ready.append(channel)
             self._changed.notify()
 
-    def bury(self, child: Child) -> None:
-        """Ends a child that gave no answer; another view may be drawn here instead."""
-        child.kill()
-        if not self._closed:
-            log.warning("A process for drawing has ended (%s); its views are drawn in this one", child.last_words())
-        child.close()
+    def lose(self, channel: Channel, reason: BaseException) -> None:
+        """A child that was taken has ended; another view may be drawn here instead."""
+        self._mourn(channel, reason)
         with self._changed:
-            self._all.discard(child)
             self._here += 1
             self._changed.notify()
+
+    def _mourn(self, channel: Channel, reason: BaseException) -> None:
+        channel.close()
+        with self._changed:
+            self._all.discard(channel)
+            closed = self._closed
+        if not closed:
+            log.warning("A process for drawing has ended (%s); its views are drawn in this one", reason)
 
     def close(self) -> None:
         with self._changed:
             self._closed = True
-            children = list(self._all)
-            idle, self._ready = self._ready, []
+            channels = list(self._all)
+            self._ready = []
             self._changed.notify_all()
-        for child in children:
-            child.kill()
-        for child in idle:
-            child.close()
-        if self._folder is not None:
-            with contextlib.suppress(OSError):
-                self._folder.cleanup()
+        for channel in channels:
+            channel.kill()
+        for channel in channels:
+            channel.close()
+        self._forget_file()

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import Intrinsics, Pose
+from ..geometry.conventions import HALF_PIXEL
 from . import constants as c
 from .tables import SceneTables
 
@@ -149,13 +150,13 @@ def _write(
     variance *= cut
     extent = np.sqrt(variance, out=variance)
     shape[S_Y], shape[S_L3], shape[S_CUT] = centre[1], l3, cut
-    shape[S_Y] -= np.float32(0.5)
+    shape[S_Y] -= np.float32(HALF_PIXEL)
     tilt = np.multiply(covariance, cut, out=shape[S_TILT])
     tilt /= extent[0]
     covariance *= l3
     covariance *= l3
     skew = np.negative(covariance, out=covariance)
-    np.subtract(centre[0], np.float32(0.5), out=shape[S_X])
+    np.subtract(centre[0], np.float32(HALF_PIXEL), out=shape[S_X])
     shape[S_SKEW], shape[S_INVERSE] = skew, inverse
     shape[S_X : S_INVERSE + 1] *= np.float32(1 / TILE)
     shape[-1] = 0

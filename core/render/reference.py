@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.camera import Intrinsics, Pose
+from ..geometry.conventions import pixel_centres
+from ..geometry.quaternion import rotations_of
 from ..splats.scene import GaussianScene
 from . import constants as c
 from .view import RenderedView, RenderSettings
@@ -54,11 +56,11 @@ def _alpha(scene: GaussianScene, i: int, point: FloatArray, intrinsics: Intrinsi
     u = np.clip(x / z, -(k.cx / k.fx + margin * tan_x), (k.width - k.cx) / k.fx + margin * tan_x)
     v = np.clip(y / z, -(k.cy / k.fy + margin * tan_y), (k.height - k.cy) / k.fy + margin * tan_y)
     jacobian = np.array([[k.fx / z, 0.0, -k.fx * u / z], [0.0, k.fy / z, -k.fy * v / z]])
-    axes = jacobian @ pose.R @ rotation_matrix(scene.rotations[i]) * scene.scales[i].astype(np.float64)
+    axes = jacobian @ pose.R @ rotations_of(scene.rotations[i].astype(np.float64)) * scene.scales[i].astype(np.float64)
     covariance = axes @ axes.T + c.LOWPASS_PX2 * np.eye(2)
     conic = np.linalg.inv(covariance)
-    dx = np.arange(k.width) + 0.5 - (k.fx * x / z + k.cx)
-    dy = (np.arange(k.height) + 0.5 - (k.fy * y / z + k.cy))[:, None]
+    dx = pixel_centres(k.width) - (k.fx * x / z + k.cx)
+    dy = (pixel_centres(k.height) - (k.fy * y / z + k.cy))[:, None]
     power = -0.5 * (conic[0, 0] * dx**2 + 2 * conic[0, 1] * dx * dy + conic[1, 1] * dy**2)
     return np.asarray(np.minimum(c.ALPHA_MAX, float(scene.opacities[i]) * np.exp(power)))
 
@@ -68,18 +70,6 @@ def _color(scene: GaussianScene, i: int, pose: Pose) -> FloatArray:
     direction = scene.means[i].astype(np.float64) - pose.centre
     basis = sh_basis(direction / np.linalg.norm(direction), scene.sh_degree)
     return np.asarray(np.maximum(0.0, basis @ scene.sh[i].astype(np.float64) + 0.5))
-
-
-def rotation_matrix(quaternion: NDArray[np.floating]) -> FloatArray:
-    """Unit quaternion w x y z to a rotation matrix (3, 3)."""
-    w, x, y, z = (float(q) for q in quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def sh_basis(direction: FloatArray, degree: int) -> FloatArray:

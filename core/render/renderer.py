@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -90,13 +90,6 @@ class Renderer:
         found = run(project, parts)
         order: Order = run(finish, [None, *parts], [None, *found])[0]
         return order
-
-    def render_many(
-        self, intrinsics: Intrinsics, poses: Sequence[Pose], should_stop: Callable[[], bool] = _never
-    ) -> Iterator[RenderedView]:
-        """The views of several poses, one after the other."""
-        for pose in poses:
-            yield self.render(intrinsics, pose, should_stop)
 
 
 class _Target:

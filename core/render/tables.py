@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.quaternion import rotations_of
 from ..splats.scene import GaussianScene
 from . import constants as c
 from .color import color_polynomials
@@ -19,7 +20,7 @@ CHUNK = 1 << 15  # most Gaussians per work item: a dozen float32 columns of it s
 CUT_MARGIN = 2e-3  # so that rounding in the ellipse's edge never loses a pixel whose alpha reaches 1/255
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SceneTables:
     """N Gaussians of opacity >= 1/255, in file order, one row per quantity.
 
@@ -71,17 +72,6 @@ def _fill(tables: SceneTables, scene: GaussianScene, index: NDArray[np.intp], pa
     scales, opacities = scene.scales[index], scene.opacities[index]
     cut = np.maximum(2 * np.log(opacities / np.float32(c.ALPHA_MIN)), np.float32(0)) + np.float32(CUT_MARGIN)
     tables.reach[part] = np.sqrt(cut) * scales.max(axis=1, initial=0.0)
-    tables.body[:9, part] = (_rotations(scene.rotations[index]) * scales[:, None, :]).reshape(-1, 9).T
+    tables.body[:9, part] = (rotations_of(scene.rotations[index]) * scales[:, None, :]).reshape(-1, 9).T
     tables.body[9, part], tables.body[10, part] = np.log(opacities), cut
     tables.color[:, :, part] = color_polynomials(scene.sh[index])
-
-
-def _rotations(quaternions: Float32Array) -> Float32Array:
-    """Unit quaternions w x y z (n, 4) to matrices (n, 3, 3)."""
-    w, x, y, z = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows, np.float32).transpose(2, 0, 1)

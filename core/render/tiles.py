@@ -22,7 +22,7 @@ LAST_PAIRS = 2 * BATCH_PAIRS  # pairs at the end of a frame that come in batches
 TILE_COST = 8  # what a tile counts at least, in pairs; bounds the tiles of a batch
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TileLists:
     """Tiles of one band of the image. Tile i (row-major) lists splats[start[i] : start[i] + count[i]], front to back."""
 
@@ -31,7 +31,7 @@ class TileLists:
     count: NDArray[np.intp]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Order:
     """The M splats to draw, front to back: slots (M,) and their first and last tile rows (M,)."""
 

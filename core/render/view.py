@@ -25,13 +25,17 @@ class RenderSettings:
     threads: int = 0
 
     @classmethod
-    def for_scene(cls, scene: GaussianScene, threads: int = 0) -> RenderSettings:
-        """INRIA's near plane, or a nearer one where the scan is so small that it would cut into it."""
+    def for_scene(cls, scene: GaussianScene, threads: int = 0, near: float | None = None) -> RenderSettings:
+        """`near` where it is given, else INRIA's near plane, or a nearer one where the scan is so small that it would cut into
+        it.
+        """
+        if near is not None:
+            return cls(near, threads)
         radius = np.linalg.norm(scene.means - np.median(scene.means, axis=0), axis=1)
         return cls(min(INRIA_NEAR, NEAR_RATIO * float(np.median(radius))) or INRIA_NEAR, threads)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RenderedView:
     """One render of the splat, all float32, on a black background.
 

@@ -13,15 +13,18 @@ from ..geometry.conventions import Orientation
 Float32Array = NDArray[np.float32]
 
 SH_COEFFICIENTS = (1, 4, 9, 16)
+CHECKED_ROWS = 1 << 14  # Gaussians checked at a time; their numbers stay in the processor's cache
+UNIT_TOLERANCE = 1e-4  # of a quaternion's length; less is rounding and stays as it is
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GaussianScene:
     """N Gaussians with activated values, in the coordinates of the splat file. All arrays float32, C-contiguous.
 
     means (N, 3); scales (N, 3) linear standard deviations; rotations (N, 4) unit quaternions w x y z; opacities (N,) in 0..1;
     sh (N, K, 3) spherical-harmonics coefficients (colour last), K = 1, 4, 9 or 16 for degree 0..3.
-    `dropped` counts Gaussians left out on reading because a value was not finite; `format` names the source format.
+    `dropped` counts Gaussians that `checked` left out, `normalised` those that it kept with an opacity or a rotation put
+    right; `format` names the source format.
     `orientation` is which way the file's axes point by the convention of its format: the importer's default, nothing more.
     Raises SplatFormatError when shapes disagree.
     """
@@ -32,6 +35,7 @@ class GaussianScene:
     opacities: Float32Array
     sh: Float32Array
     dropped: int = 0
+    normalised: int = 0
     format: str = ""
     orientation: Orientation = "Y_DOWN"
 
@@ -44,9 +48,67 @@ class GaussianScene:
         if self.sh.ndim != 3 or len(self.sh) != n or self.sh.shape[1] not in SH_COEFFICIENTS or self.sh.shape[2] != 3:
             raise SplatFormatError(f"The scene's SH have shape {self.sh.shape}; (N, K, 3) with K = 1, 4, 9 or 16 is needed.")
 
+    @classmethod
+    def checked(
+        cls,
+        means: Float32Array,
+        scales: Float32Array,
+        rotations: Float32Array,
+        opacities: Float32Array,
+        sh: Float32Array,
+        format: str = "",
+        orientation: Orientation = "Y_DOWN",
+    ) -> GaussianScene:
+        """The scene of these arrays, shaped as its own, of which nothing is taken on trust: readers and Blender's objects end
+        here. Gaussians with a NaN, an infinity, a negative scale or a zero quaternion are left out and counted; quaternions of
+        another length than 1 and opacities outside 0..1 are put right and counted.
+
+        The arrays are taken over: where something is wrong, what is kept moves up inside them, so that a scan is in memory
+        once. Raises SplatFormatError when shapes disagree or nothing is left.
+        """
+        m, s, r, o, h = (np.require(a, np.float32, ("C", "W")) for a in (means, scales, rotations, opacities, sh))
+        kept, normalised = _compacted(cls(m, s, r, o, h))
+        if kept == 0:
+            raise SplatFormatError(f"All {len(m)} Gaussians of the file hold NaN or infinite values; export the scan again.")
+        return cls(m[:kept], s[:kept], r[:kept], o[:kept], h[:kept], len(m) - kept, normalised, format, orientation)
+
     def __len__(self) -> int:
         return len(self.means)
 
     @property
     def sh_degree(self) -> int:
         return SH_COEFFICIENTS.index(self.sh.shape[1])
+
+
+def _compacted(scene: GaussianScene) -> tuple[int, int]:
+    """Puts the sound Gaussians of `scene` at the front of its arrays; how many they are, and how many had to be put right."""
+    kept = normalised = 0
+    arrays = (scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh)
+    for start in range(0, len(scene), CHECKED_ROWS):
+        part = [a[start : start + CHECKED_ROWS] for a in arrays]
+        good, odd = _judged(*part)
+        normalised += int(odd.sum())
+        if odd.any():
+            rotations, opacities = part[2][odd], part[3][odd]
+            lengths = np.linalg.norm(rotations.astype(np.float64), axis=1, keepdims=True)
+            part[2][odd], part[3][odd] = rotations / lengths, np.clip(opacities, 0, 1)
+        count = int(good.sum())
+        if kept < start or count < len(good):
+            for array, rows in zip(arrays, part, strict=True):
+                array[kept : kept + count] = rows[good]
+        kept += count
+    return kept, normalised
+
+
+def _judged(
+    means: Float32Array, scales: Float32Array, rotations: Float32Array, opacities: Float32Array, sh: Float32Array
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which of n Gaussians can be used (n,), and which of those only once they are put right (n,)."""
+    good = np.isfinite(opacities)
+    for rows in (means, scales, rotations, sh):
+        good &= np.isfinite(rows.reshape(len(rows), -1)).all(axis=1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        squared = np.einsum("ij,ij->i", rotations, rotations, dtype=np.float64)
+        good &= (scales >= 0).all(axis=1) & (squared > 0)
+        odd = (np.abs(squared - 1) > 2 * UNIT_TOLERANCE) | (opacities < 0) | (opacities > 1)
+    return good, good & odd

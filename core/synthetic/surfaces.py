@@ -15,7 +15,7 @@ FILL = 0.6  # deviation in the surface, as a share of the spacing: neighbours me
 THICKNESS = 0.08
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Surfels:
     """N flat Gaussians: centres (N, 3), axes (N, 3, 3) as columns, deviations (N, 3), colours (N, 3) 0..1."""
 

@@ -22,7 +22,7 @@ PLAIN = 2e-4  # squared colour: what a cell without detail counts as, so that pl
 IntArray = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Panel:
     """A painted rectangle: `origin` is the picture's top-left corner, `across` and `down` its edges, in scene units."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -12,10 +12,13 @@ from ...core.errors import CameraError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera, Intrinsics, Pose
 from ...core.geometry.conventions import BlenderLens, Similarity
+from ..photo import image as photo_image
 from ..support.texts import rpt_
 
+CALIBRATED = "CALIBRATED"  # of the property `lens_state`
 DIST_NAMES = ("k1", "k2", "p1", "p2", "k3")
 MATRIX_TOLERANCE = 1e-4  # float32 through a parent's inverse
+SAME_PIXEL = 1e-6  # relative; Blender keeps float32
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,7 @@ class CameraCopy:
     """A Blender camera copied out of Blender: `lens`, distortion (k1 k2 p1 p2 k3), pose in the splat file's coordinates.
 
     `frame`: render resolution (x, y) that the lens belongs to; the photo lies in its middle, as large as fits whole.
+    `photo_pixel`: how wide a pixel of the photo is shown, in its heights; those of the frame stand in `lens`.
     """
 
     lens: BlenderLens
@@ -30,11 +34,13 @@ class CameraCopy:
     pose: Pose
     frame: tuple[int, int]
     focal_guessed: bool = False
+    photo_pixel: float = 1.0
 
     def at_size(self, width: int, height: int) -> Camera:
         """The engine's camera for a photo of `width` x `height` pixels."""
         frame = conventions.intrinsics_from_blender(self.lens, *self.frame, self.dist)
-        return Camera(conventions.photo_in_frame(frame, width, height), self.pose, focal_guessed=self.focal_guessed)
+        photo = conventions.photo_in_frame(frame, width, height, self.lens.pixel, self.photo_pixel)
+        return Camera(photo, self.pose, focal_guessed=self.focal_guessed)
 
 
 def splat_similarity(splat: bpy.types.Object) -> Similarity:
@@ -48,45 +54,60 @@ def read_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.typ
         kind = camera.data.type.lower()
         raise CameraError(rpt_('The camera "{name}" is {kind}; set its type to Perspective.', name=camera.name, kind=kind))
     pose = conventions.pose_from_blender(np.array(camera.matrix_world), splat_similarity(splat))
-    data = camera.data
-    guessed = not data.gssmc.lens_calibrated
-    return CameraCopy(read_lens(scene, data), read_distortion(data), pose, lens_frame(scene, data), guessed)
+    data, lens = camera.data, read_lens(scene, camera.data)
+    guessed = data.gssmc.lens_state != CALIBRATED
+    return CameraCopy(lens, read_distortion(data), pose, lens_frame(scene, data), guessed, photo_pixel(data, lens))
 
 
 def lens_frame(scene: bpy.types.Scene, data: bpy.types.Camera) -> tuple[int, int]:
     """The render resolution for which the lens was set; the scene's own for a camera that was set by hand.
 
-    Kept on the camera, because photos of another shape may have changed the resolution since. The percentage does not
-    matter: it changes the size of a frame and not, up to a rounded pixel, its shape.
+    Kept on the camera, because the resolution may have changed since. The percentage does not matter: it changes the size of a
+    frame and not, up to a rounded pixel, its shape.
     """
     kept = data.gssmc.frame_x, data.gssmc.frame_y
     return kept if all(kept) else (scene.render.resolution_x, scene.render.resolution_y)
 
 
 def read_lens(scene: bpy.types.Scene, data: bpy.types.Camera) -> BlenderLens:
-    """Lens, sensor and shift of the camera, with the scene's pixel aspect."""
-    return BlenderLens(
-        data.lens,
-        data.sensor_width,
-        data.sensor_height,
-        data.sensor_fit,
-        data.shift_x,
-        data.shift_y,
-        scene.render.pixel_aspect_x,
-        scene.render.pixel_aspect_y,
-    )
+    """Lens, sensor and shift of the camera, with the pixel aspect of the frame that they were set for (see `lens_frame`)."""
+    lens = BlenderLens(data.lens, data.sensor_width, data.sensor_height, data.sensor_fit, data.shift_x, data.shift_y)
+    kept = data.gssmc.frame_pixel
+    return with_aspects(lens, conventions.pixel_aspects(kept) if kept else render_aspects(scene))
+
+
+def render_aspects(scene: bpy.types.Scene) -> tuple[float, float]:
+    return scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
+
+
+def with_aspects(lens: BlenderLens, aspects: tuple[float, float]) -> BlenderLens:
+    return replace(lens, pixel_aspect_x=aspects[0], pixel_aspect_y=aspects[1])
+
+
+def photo_pixel(data: bpy.types.Camera, lens: BlenderLens) -> float:
+    """How wide a pixel of the camera's photo is shown, in its heights; one of the frame's until a lens said otherwise."""
+    return data.gssmc.photo_pixel or lens.pixel
 
 
 def read_distortion(data: bpy.types.Camera) -> tuple[float, ...]:
     return tuple(getattr(data.gssmc, name) for name in DIST_NAMES)
 
 
-def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, result: Camera) -> bool:
-    """Writes pose, lens, shift and distortion; world scale becomes 1. True when the scene's pixel aspect had to change too.
+def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, result: Camera) -> None:
+    """Writes pose, lens, shift and distortion; world scale becomes 1.
 
     Raises CameraError, with the camera as it was, when splat or parent can no longer carry it.
     """
-    matrix = _matrix_of(splat, result)
+    write_pose(scene, camera, splat, result.pose)
+    write_intrinsics(scene, camera.data, result.intrinsics)
+
+
+def write_pose(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, pose: Pose) -> None:
+    """Writes the pose alone, and sees that the camera took it; world scale becomes 1.
+
+    Raises CameraError, with the camera as it was, when splat or parent cannot carry it.
+    """
+    matrix = _matrix_of(splat, pose)
     before = camera.matrix_basis.copy()
     camera.matrix_world = matrix
     for layer in scene.view_layers:
@@ -103,40 +124,55 @@ def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.ty
                 name=camera.name,
             )
         )
-    return _write_lens_of(scene, camera, result)
 
 
 def write_new_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, result: Camera) -> None:
     """As `write_camera`, of a camera object without parent that is not yet in the scene: nothing else can move it, so no view
     layer has to be evaluated to see where it stands, which takes longer the more objects there are.
     """
-    camera.matrix_world = _matrix_of(splat, result)
-    _write_lens_of(scene, camera, result)
+    camera.matrix_world = _matrix_of(splat, result.pose)
+    write_intrinsics(scene, camera.data, result.intrinsics)
 
 
-def _matrix_of(splat: bpy.types.Object, result: Camera) -> Matrix:
-    return Matrix(conventions.pose_to_blender(result.pose, splat_similarity(splat)).tolist())
+def _matrix_of(splat: bpy.types.Object, pose: Pose) -> Matrix:
+    return Matrix(conventions.pose_to_blender(pose, splat_similarity(splat)).tolist())
 
 
-def _write_lens_of(scene: bpy.types.Scene, camera: bpy.types.Object, result: Camera) -> bool:
-    camera.data.gssmc.lens_calibrated = not result.focal_guessed
-    return write_intrinsics(scene, camera.data, result.intrinsics)
-
-
-def write_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intrinsics) -> bool:
+def write_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intrinsics) -> None:
     """Writes the lens so that a photo with these intrinsics, fitted into the render's frame, lies where it should.
 
-    True when the scene's pixel aspect had to change.
+    Where fx and fy differ, the photo's pixels are shown oblong; those of the render are the scene's and stay as they are.
     """
-    render = scene.render
-    frame = conventions.frame_around_photo(photo, render.resolution_x, render.resolution_y)
-    lens = conventions.blender_from_intrinsics(frame, read_lens(scene, data))
-    data.gssmc.frame_x, data.gssmc.frame_y = render.resolution_x, render.resolution_y
-    changed = _write_lens(scene, data, lens, photo.dist)
+    note, render = data.gssmc, scene.render
+    pixel = _nearly(float(np.float32(conventions.pixel_shape(photo))), note.photo_pixel)
+    lens = lens_in_render(scene, data, photo, pixel)
+    note.frame_x, note.frame_y, note.frame_pixel = render.resolution_x, render.resolution_y, lens.pixel
+    note.photo_pixel = pixel
+    _keep_size(data, photo)
+    data.lens, data.shift_x, data.shift_y = lens.lens_mm, lens.shift_x, lens.shift_y
+    for name, value in zip(DIST_NAMES, photo.dist, strict=True):
+        setattr(note, name, value)
+    show_pixel(data)
+
+
+def lens_in_render(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intrinsics, pixel: float) -> BlenderLens:
+    """The lens with which the photo, its pixels `pixel` times as wide as high, lies in the render's present frame."""
+    like = with_aspects(read_lens(scene, data), render_aspects(scene))
+    same_focal = replace(photo, fy=photo.fx * pixel)  # to the last digit, or Blender's pixel aspect would have to follow
+    resolution = scene.render.resolution_x, scene.render.resolution_y
+    frame = conventions.frame_around_photo(same_focal, *resolution, like.pixel, pixel)
+    return conventions.blender_from_intrinsics(frame, like)
+
+
+def show_pixel(data: bpy.types.Camera) -> None:
+    """Has the pictures behind the camera drawn with the photo's own pixels."""
+    if not data.gssmc.photo_pixel:
+        return
+    aspects = conventions.pixel_aspects(data.gssmc.photo_pixel)
     for background in data.background_images:
-        if background.image:  # else a photo in a frame of oblong pixels would be drawn with square ones
-            background.image.display_aspect = lens.pixel_aspect_x, lens.pixel_aspect_y
-    return changed
+        image = background.image
+        if image and max(abs(image.display_aspect[i] - aspects[i]) for i in (0, 1)) > SAME_PIXEL:
+            image.display_aspect = aspects
 
 
 def move_to_render(scene: bpy.types.Scene, data: bpy.types.Camera, width: int, height: int) -> None:
@@ -146,17 +182,18 @@ def move_to_render(scene: bpy.types.Scene, data: bpy.types.Camera, width: int, h
 
 def photo_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, width: int, height: int) -> Intrinsics:
     """The lens of the camera's `width` x `height` photo."""
-    frame = conventions.intrinsics_from_blender(read_lens(scene, data), *lens_frame(scene, data), read_distortion(data))
-    return conventions.photo_in_frame(frame, width, height)
+    lens = read_lens(scene, data)
+    frame = conventions.intrinsics_from_blender(lens, *lens_frame(scene, data), read_distortion(data))
+    return conventions.photo_in_frame(frame, width, height, lens.pixel, photo_pixel(data, lens))
 
 
-def _write_lens(scene: bpy.types.Scene, data: bpy.types.Camera, lens: BlenderLens, dist: tuple[float, ...]) -> bool:
-    """Writes lens (mm), shift and distortion; True when the scene's pixel aspect had to change."""
-    data.lens, data.shift_x, data.shift_y = lens.lens_mm, lens.shift_x, lens.shift_y
-    for name, value in zip(DIST_NAMES, dist, strict=True):
-        setattr(data.gssmc, name, value)
-    render = scene.render
-    aspect_changes = (render.pixel_aspect_x, render.pixel_aspect_y) != (lens.pixel_aspect_x, lens.pixel_aspect_y)
-    if aspect_changes:
-        render.pixel_aspect_x, render.pixel_aspect_y = lens.pixel_aspect_x, lens.pixel_aspect_y
-    return aspect_changes
+def _keep_size(data: bpy.types.Camera, photo: Intrinsics) -> None:
+    """Notes how large the photo is in its own file, of which Blender may hold a smaller copy that was refined."""
+    note, image = data.gssmc, photo_image.photo_of(data)
+    if note.framed != image or not (note.photo_x and note.photo_y):
+        note.framed, note.photo_x, note.photo_y = image, photo.width, photo.height
+
+
+def _nearly(value: float, kept: float) -> float:
+    """`kept` where it is as good as `value`, which would otherwise drift with every writing."""
+    return kept if kept and abs(value - kept) <= SAME_PIXEL * kept else value

@@ -67,6 +67,35 @@ def write_keyframes(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     return rpt_("It is animated, so its lens got a keyframe at frame {frame}.", frame=scene.frame_current)
 
 
+def is_lens_writable(data: bpy.types.Camera) -> bool:
+    """Whether a lens that is written stays: no library, driver or NLA track in the way. Keyframes see `scale_lens_keys`."""
+    animation = data.animation_data
+    if not data.is_editable or animation is None:
+        return data.is_editable
+    driven = any(driver.data_path in LENS_PATHS for driver in animation.drivers)
+    keys = [curve for curve in curves(data) if curve.data_path in LENS_PATHS]
+    made = any(len(curve.modifiers) or len(curve.sampled_points) for curve in keys)  # not by keyframes alone
+    return not driven and not made and not (animation.use_nla and any(t.strips and not t.mute for t in animation.nla_tracks))
+
+
+def scale_lens_keys(data: bpy.types.Camera, factor: float) -> None:
+    """Multiplies the keyframes of lens and shifts, which all stand in the same proportion to the frame."""
+    for curve in curves(data):
+        if curve.data_path not in LENS_PATHS:
+            continue
+        for point in curve.keyframe_points:
+            for part in (point.co, point.handle_left, point.handle_right):
+                part.y *= factor
+        curve.update()
+
+
+def key_frames(camera: bpy.types.Object) -> list[int]:
+    """The whole frames at which the camera's pose has a key."""
+    paths = ("location", *ROTATION_PATHS.values(), "rotation_euler")
+    points = (point for curve in curves(camera) if curve.data_path in paths for point in curve.keyframe_points)
+    return sorted({round(point.co.x) for point in points})
+
+
 def rotation_path(camera: bpy.types.Object) -> str:
     """The channel that turns the camera, by its rotation mode."""
     return ROTATION_PATHS.get(camera.rotation_mode, "rotation_euler")

@@ -1,11 +1,13 @@
-"""Cameras out to files of other programs, in the coordinates of the splat file. camera_import_job is the way in."""
+"""Cameras out to files of other programs, in the coordinates of the splat file. camera.import_job is the way in."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -16,23 +18,51 @@ from ...core.errors import CameraError, DatasetError
 from ...core.geometry.camera import Camera
 from ...core.support.atomic import atomic_write
 from ..photo import image as photo_image
+from ..plate import source as plate_source
 from ..support.texts import rpt_
 from . import bridge as camera_bridge
+from . import channels as camera_channels
+from . import solution as camera_solution
+
+NAMED = 5  # cameras that a message names
 
 
-def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list[tuple[bpy.types.Object, Camera]]:
-    """The engine's camera of each object, at its photo's size, else the render's. Raises GssmcError, naming the camera."""
-    splat = scene.gssmc.splat
+@dataclass(frozen=True)
+class Outgoing:
+    """A camera on its way out, at its photo's own size; `said`: what a camera JSON tells besides.
+
+    `name`: the camera object's; `verdict` as in camera_props, or CHANGED. `movie_frame`: of a photo that is no file of its own.
+    """
+
+    name: str
+    camera: Camera
+    verdict: str
+    said: dict[str, Any]
+    movie_frame: int | None = None
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """A photo that a camera took: name and size of its file, which of a movie holds more than one."""
+
+    file: str
+    size: tuple[int, int]
+    movie_frame: int | None = None
+
+
+def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list[Outgoing]:
+    """What there is to export of each object: one camera, or one for each keyframe of a moving plate.
+
+    Raises GssmcError, naming the camera. The scene ends at the frame where it was.
+    """
     if not objects:
         raise CameraError(rpt_("There is no camera to export; select one, or add a photo first."))
-    found = []
+    found: list[Outgoing] = []
     for obj in objects:
-        image = photo_image.camera_photo(obj)
-        size = tuple(image.size) if image else camera_bridge.lens_frame(scene, obj.data)
-        name = Path(bpy.path.abspath(image.filepath or image.name)).name if image else f"{obj.name}.png"
-        found.append((obj, replace(camera_bridge.read_camera(scene, obj, splat).at_size(*size), file=name)))
-    names = [camera.file for _, camera in found]
-    twice = next((name for name in names if names.count(name) > 1), None)
+        plate = plate_source.moving_photo(obj)
+        found += _plate_cameras(scene, obj, plate) if plate else [_camera(scene, obj, _still(scene, obj))]
+    names = Counter((item.camera.file, item.movie_frame) for item in found)
+    twice = next((file for (file, _), count in names.items() if count > 1), None)
     if twice:
         raise DatasetError(
             rpt_(
@@ -42,17 +72,19 @@ def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list
     return found
 
 
-def out_of_training_world(
-    found: Sequence[tuple[bpy.types.Object, Camera]], file: Path
-) -> list[tuple[bpy.types.Object, Camera]]:
+def out_of_training_world(found: Sequence[Outgoing], file: Path) -> list[Outgoing]:
     """The cameras in the world of the transforms.json that the splat was trained from. Raises GssmcError."""
     world = read_training_world(file).inverse()
-    return [(obj, replace(camera, pose=world.pose_to_scene(camera.pose))) for obj, camera in found]
+    return [replace(item, camera=replace(item.camera, pose=world.pose_to_scene(item.camera.pose))) for item in found]
 
 
-def write(path: Path, kind: str, found: Sequence[tuple[bpy.types.Object, Camera]]) -> None:
-    """Writes the cameras: COLMAP into the folder `path`, NERFSTUDIO and JSON as the file `path`. Raises GssmcError."""
-    cameras = [camera for _, camera in found]
+def write(path: Path, kind: str, found: Sequence[Outgoing]) -> list[str]:
+    """Writes the cameras: COLMAP into the folder `path`, NERFSTUDIO and JSON as the file `path`. Raises GssmcError.
+
+    COLMAP and nerfstudio cannot tell a verdict: there cameras that failed are left out. Sentences on that.
+    """
+    usable = list(found) if kind == "JSON" else _solved(found)
+    cameras = [item.camera for item in usable]
     try:
         if kind == "COLMAP":
             path.mkdir(parents=True, exist_ok=True)
@@ -61,13 +93,98 @@ def write(path: Path, kind: str, found: Sequence[tuple[bpy.types.Object, Camera]
             nerfstudio.write_transforms(path, cameras)
         else:
             with atomic_write(path) as file:
-                json.dump({"frames": [_record(obj, camera) for obj, camera in found]}, file, indent=1)
+                json.dump({"frames": [_record(item) for item in usable]}, file, indent=1)
     except OSError as error:
         text = rpt_("'{path}' cannot be written ({reason}); choose another place.", path=path, reason=error.strerror)
         raise DatasetError(text) from error
+    return [rpt_("{count} cameras were written to '{path}'.", count=len(usable), path=path), *_remarks(found, usable)]
 
 
-def _record(obj: bpy.types.Object, camera: Camera) -> dict[str, object]:
-    note = obj.data.gssmc
-    said = {} if note.verdict == "NONE" else {"verdict": note.verdict.lower(), "reasons": note.reasons.splitlines()}
-    return {**camera_to_dict(camera), **said}
+def _solved(found: Sequence[Outgoing]) -> list[Outgoing]:
+    """Those that did not fail. Raises DatasetError when none is left, or one shows a movie."""
+    usable = [item for item in found if item.verdict != "FAILED"]
+    if not usable:
+        raise DatasetError(rpt_("Every camera failed to be solved; refine them again, or export camera JSON."))
+    movie = next((item for item in usable if item.movie_frame is not None), None)
+    if movie:
+        raise DatasetError(
+            rpt_(
+                'The camera "{name}" shows a movie, whose frames are no files that this format could name; '
+                "export camera JSON, or use the plate as an image sequence.",
+                name=movie.name,
+            )
+        )
+    return usable
+
+
+def _remarks(found: Sequence[Outgoing], usable: Sequence[Outgoing]) -> Iterator[str]:
+    left_out = [item for item in found if item.verdict == "FAILED" and item not in usable]
+    if left_out:
+        values = {"count": len(left_out), "names": _names(left_out)}
+        yield rpt_("{count} that failed to be solved were left out: {names}.", **values)
+    changed = [item for item in usable if item.verdict == camera_solution.CHANGED]
+    if changed:
+        values = {"count": len(changed), "names": _names(changed)}
+        yield rpt_("{count} are no longer as they were solved: {names}.", **values)
+
+
+def _names(items: Sequence[Outgoing]) -> str:
+    names = list(dict.fromkeys(item.name for item in items))
+    shown, more = ", ".join(names[:NAMED]), len(names) - NAMED
+    return rpt_("{names} and {count} more", names=shown, count=more) if more > 0 else shown
+
+
+def _still(scene: bpy.types.Scene, obj: bpy.types.Object) -> _Picture:
+    """The photo's own file and size, which Blender's copy may be turned from, or smaller than; else a render."""
+    image = photo_image.camera_photo(obj)
+    if image is None:
+        return _Picture(f"{obj.name}.png", camera_bridge.lens_frame(scene, obj.data))
+    size = photo_image.own_size(obj.data)
+    if not all(size):
+        raise CameraError(
+            rpt_('The photo of the camera "{name}" cannot be read, so its size is not known; add it again.', name=obj.name)
+        )
+    file = photo_image.photo_file(image).replace("\\", "/")
+    return _Picture(Path(file).name or image.name, size)
+
+
+def _plate_cameras(scene: bpy.types.Scene, obj: bpy.types.Object, plate: plate_source.MovingPhoto) -> list[Outgoing]:
+    """A camera for each frame of the plate that has a key, the present one where none has."""
+    first, last = plate.scene_range
+    frames = [frame for frame in camera_channels.key_frames(obj) if first <= frame <= last]
+    at, data = (scene.frame_current, scene.frame_subframe), obj.data
+    if not frames:
+        return [_camera(scene, obj, _plate_picture(obj, plate, scene.frame_current))]
+    unkeyed = obj.matrix_basis.copy(), data.lens, data.shift_x, data.shift_y
+    found = []
+    try:
+        for frame in frames:
+            scene.frame_set(frame)  # a parent or the splat may move
+            found.append(_camera(scene, obj, _plate_picture(obj, plate, frame)))
+    finally:
+        scene.frame_set(at[0], subframe=at[1])
+        obj.matrix_basis, data.lens, data.shift_x, data.shift_y = unkeyed
+    return found
+
+
+def _plate_picture(obj: bpy.types.Object, plate: plate_source.MovingPhoto, frame: int) -> _Picture:
+    number, size = frame + plate.offset, photo_image.own_size(obj.data)
+    if not all(size):
+        photo = plate.at(frame).read()
+        size = photo.width, photo.height
+    return _Picture(plate.plate.file(number).name, size, number if plate.plate.is_movie else None)
+
+
+def _camera(scene: bpy.types.Scene, obj: bpy.types.Object, picture: _Picture) -> Outgoing:
+    camera = camera_bridge.read_camera(scene, obj, scene.gssmc.splat).at_size(*picture.size)
+    verdict, note = camera_solution.verdict(scene, obj), obj.data.gssmc
+    said: dict[str, Any] = {"lens_state": note.lens_state.lower()}
+    if verdict != "NONE":
+        changed = [f"{camera_solution.title(scene, obj)}."] if verdict == camera_solution.CHANGED else []
+        said |= {"verdict": verdict.lower(), "reasons": changed + note.reasons.splitlines()}
+    return Outgoing(obj.name, replace(camera, file=picture.file), verdict, said, picture.movie_frame)
+
+
+def _record(item: Outgoing) -> dict[str, object]:
+    frame = {} if item.movie_frame is None else {"frame": item.movie_frame}
+    return {**camera_to_dict(item.camera), **frame, **item.said}

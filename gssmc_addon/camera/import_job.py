@@ -19,10 +19,11 @@ from ...core import cameras as datasets
 from ...core.cameras.files import Start
 from ...core.cameras.training_world import read_training_world
 from ...core.errors import CameraError, GssmcError
+from ...core.geometry import conventions
 from ...core.geometry.camera import Camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
-from ..jobs.machine import Job, redraw
+from ..jobs.machine import Job
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..refine import job as jobs
@@ -99,6 +100,7 @@ class CameraImport(Job):
     """
 
     status = n_("Importing cameras    Esc: cancel")
+    at_mouse = True
 
     def __init__(
         self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool, world: Path | None = None
@@ -111,6 +113,7 @@ class CameraImport(Job):
         self._left: list[Incoming] | None = None  # to be made, the last one first
         self._collection = 0
         self._first = 0
+        self._size: tuple[int, int] | None = None  # of the render, before it was set
 
     def check(self) -> None:
         scene = jobs.by_uid(bpy.data.scenes, self._scene)
@@ -120,38 +123,38 @@ class CameraImport(Job):
     def note(self, news: float) -> None:
         self.fraction = READING * news
 
-    def tick(self) -> CameraImport | None:
+    def advance(self) -> CameraImport | None:
         if self._left is None:
-            found = super().tick()
+            found = super().advance()
             if found is not None:
                 self._begin(found)
             return None
         until = time.perf_counter() + SLICE_S
-        try:
-            self.check()
-            while self._left:
-                self._make(self._left[-1])
-                self._left.pop()
-                if self._left and time.perf_counter() > until:
-                    self.fraction = READING + (1 - READING) * self.made / (self.made + len(self._left))
-                    redraw()
-                    return None
-        except GssmcError:
-            self.cancel()
-            raise
+        while self._left:
+            self._make(self._left[-1])
+            self._left.pop()
+            if self._left and time.perf_counter() > until:
+                self.fraction = READING + (1 - READING) * self.made / (self.made + len(self._left))
+                self.show()
+                return None
         return self
 
     def finish(self) -> None:
         """Brings what was made into the scene; the first camera becomes the scene's. Raises CameraError when it is gone."""
+        self.check()
         scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), self._living_collection()
         scene.collection.children.link(collection)
         scene.camera = jobs.by_uid(collection.objects, self._first)
+        self._collection, self._size = 0, None  # from here on they are the user's
 
     def cancel(self) -> None:
-        """Also removes what was made so far, unless that is all."""
+        """Also takes back what was made and set so far, unless `finish()` has brought it into the scene."""
         super().cancel()
-        collection = jobs.by_uid(bpy.data.collections, self._collection)
-        if collection is None or not self._left:
+        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), jobs.by_uid(bpy.data.collections, self._collection)
+        if scene and self._size:
+            scene.render.resolution_x, scene.render.resolution_y = self._size
+        self._size = None
+        if collection is None:
             return
         data = [obj.data for obj in collection.objects]
         images = {obj.data.gssmc.photo for obj in collection.objects}
@@ -168,7 +171,9 @@ class CameraImport(Job):
         self.left_out = len(found) - len(usable)
         self.step = iface_("Making cameras")
         scene, lens = jobs.by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
-        photo_camera.frame(scene, lens.width, lens.height, self._set_resolution)
+        self._size = scene.render.resolution_x, scene.render.resolution_y
+        pixel = conventions.pixel_shape(lens)
+        photo_camera.frame(scene, (lens.width, lens.height), self._set_resolution, pixel)
         self._collection = bpy.data.collections.new(self._path.stem or self._path.name).session_uid
         self._left = usable[::-1]
 
@@ -181,6 +186,7 @@ class CameraImport(Job):
             obj.data.gssmc.photo = _image(item.file, item.turned)
             self.shown += 1
         camera_bridge.write_new_camera(scene, obj, jobs.by_uid(scene.objects, self._splat), item.camera)
+        obj.data.gssmc.lens_state = "GUESSED" if item.camera.focal_guessed else "CALIBRATED"
         self._first = self._first or obj.session_uid
         self.made += 1
 

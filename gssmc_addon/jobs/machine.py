@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Any
@@ -10,9 +11,11 @@ import bpy
 
 from ...core.errors import GssmcError, RefineError
 from ..splat.copy import SplatCopying
-from ..support.texts import iface_, n_
+from ..support.texts import iface_, n_, sentence
 from .worker import Failure, Finished, Steps, Worker
 
+log = logging.getLogger(__name__)
+CATEGORY = "GS-SMC"  # the sidebar's tab
 TICK_S = 0.1
 COPY_S = 0.03  # of a tick, for copying a splat; one attribute may exceed it
 SHOW_S = 0.4  # between redraws of the progress, each of which takes 0.1 s without a graphics card
@@ -25,14 +28,24 @@ def redraw() -> None:
         region.tag_redraw()
 
 
+def panel_is_open(context: bpy.types.Context) -> bool:
+    """Whether the extension's tab of a sidebar is seen in some window."""
+    areas = (area for window in context.window_manager.windows for area in window.screen.areas if area.type == "VIEW_3D")
+    regions = (region for area in areas for region in area.regions if region.type == "UI" and region.width > 1)
+    return any(region.active_panel_category == CATEGORY for region in regions)
+
+
 class Job:
     """`start()` it, then `tick()` from the main thread until that gives a result.
 
     First comes the splat's copy, where the job needs one: in the main thread, a part of it in each tick. `status` stands in
-    the status bar, looked up there; `fraction` (0..1), `step` and `detail` are for the panel's progress bar.
+    the status bar, looked up there; `fraction` (0..1), `step` and `detail` are for the panel's progress bar; `at_mouse`: the
+    fraction is shown at the mouse too, for work that is begun elsewhere than in the panel. `tick_s`: seconds between ticks.
     """
 
     status = n_("Working    Esc: cancel")
+    at_mouse = False
+    tick_s = TICK_S
 
     def __init__(self, work: Callable[[], Steps] | None = None, copying: SplatCopying | None = None) -> None:
         self.cancelled = False
@@ -64,16 +77,18 @@ class Job:
                 result = self.tick()
                 if result is not None:
                     return result
-                self.join(TICK_S)
-        finally:
+                self.join(self.tick_s)
+        except BaseException:
             self.cancel()
+            raise
+        finally:
             self.close()
 
     def close(self) -> None:
         """The job has ended, one way or another: lets go of what is more than memory."""
 
     def cancel(self) -> None:
-        """Stops the job without waiting; its thread ends by itself at its next step."""
+        """Stops the job without waiting, and takes back what it made; its thread ends by itself at its next step."""
         self.cancelled = True
         if self._copying:
             self._copying.stop()
@@ -91,13 +106,15 @@ class Job:
         """Takes in what a step yielded, for the progress bar."""
 
     def tick(self) -> Any:
-        """The result once there is one. Raises GssmcError when the job cannot go on; its thread is told to stop then."""
+        """The result once there is one. Raises GssmcError when the job cannot go on; it is cancelled then, or at any other
+        error.
+        """
         try:
             self.check()
             result = self.advance() if self._copied() else None
             self._show()
             return result
-        except GssmcError:
+        except BaseException:
             self.cancel()
             raise
 
@@ -136,7 +153,8 @@ class Job:
 
 
 class QueueJob(Job):
-    """`count` pieces of work, one thread after the other. What fails, fails alone; `result()` ends the job.
+    """`count` pieces of work, one thread after the other. What fails, for whatever reason, fails alone; `result()` ends the
+    job.
 
     A piece is copied out of Blender when its turn comes and forgotten after, so the memory it takes does not add up.
     """
@@ -179,10 +197,7 @@ class QueueJob(Job):
         return self.result() if self.index >= self.count else None
 
     def _take(self, result: Any) -> None:
-        try:
-            self.end_item(self.index, result)
-        except GssmcError as error:
-            self.fail_item(self.index, str(error))
+        self._attempt(lambda: self.end_item(self.index, result))
 
     def _next(self) -> None:
         """Begins the next item; one attempt, so that a long row of bad items does not hold up the window."""
@@ -191,10 +206,19 @@ class QueueJob(Job):
         if self.index >= self.count or self.cancelled:
             return
         self.fraction = self.index / self.count
+        work = self._attempt(lambda: self.begin_item(self.index))
+        if work is not None:
+            self._worker = Worker(work)
+            self._worker.start()
+
+    def _attempt(self, step: Callable[[], Any]) -> Any:
+        """What `step` gives; None where it raised, which is a failure of this item then."""
         try:
-            worker = Worker(self.begin_item(self.index))
+            return step()
         except GssmcError as error:
-            self.fail_item(self.index, str(error))
-            return
-        self._worker = worker
-        worker.start()
+            message = str(error)
+        except Exception as error:
+            log.exception("An item broke off")
+            message = sentence(error)
+        self.fail_item(self.index, message)
+        return None

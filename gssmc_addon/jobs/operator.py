@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import bpy
 
 from ...core.errors import GssmcError
-from ..refine import job as jobs
-from ..support.texts import rpt_
-from .machine import Job
+from ..support.texts import rpt_, sentence
+from . import slot
+from .machine import Job, panel_is_open
+
+log = logging.getLogger(__name__)
 
 
 class Idle:
@@ -17,10 +22,19 @@ class Idle:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if jobs.active():
+        if slot.active():
             cls.poll_message_set("A refinement or another job is running; wait for it or cancel it")
             return False
         return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """The operator's own work. After a file browser Blender does not poll again, and a job may have begun meanwhile."""
+        try:
+            slot.check_free()
+        except slot.BusyError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return super().execute(context)
 
 
 class Reporter:
@@ -38,7 +52,13 @@ class Reporter:
 
 
 class JobOperator(Idle, Reporter):
-    """A mixin. The operator says what to do in `gather` and what to make of the result in `apply`."""
+    """A mixin. The operator says what to do in `gather` and what to make of the result in `apply`.
+
+    It owns the job that it gathered: it follows, stops and ends no other, whichever runs.
+    """
+
+    _job: Job | None = None  # from its beginning to its end
+    _beside = False  # whether Blender goes on meanwhile
 
     def gather(self, context: bpy.types.Context) -> Job:
         """The job, with all its inputs copied out of Blender. Raises GssmcError."""
@@ -58,60 +78,93 @@ class JobOperator(Idle, Reporter):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Blocking; the way of scripts and background mode."""
-        try:
-            job = self.gather(context)
-        except GssmcError as error:
-            return self.refuse(context, str(error))
-        try:
-            return self.apply(context, job, job.run())
-        except GssmcError as error:
-            return self.broke_off(context, job, str(error))
+        return self._ending(context, partial(self._run, context))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return self.begin(context)
 
     def begin(self, context: bpy.types.Context) -> set[str]:
         """Starts the job beside Blender."""
-        try:
-            job = self.gather(context)
-        except GssmcError as error:
-            return self.refuse(context, str(error))
-        self.tell(context, "")
-        jobs.begin(context, job)
-        context.window_manager.modal_handler_add(self)
-        return {"RUNNING_MODAL"}
+        self._beside = True
+        return self._ending(context, partial(self._start, context))
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        job = jobs.active()
-        if job is None:  # ended from outside: another file was opened
+        job = self._job
+        if job is None or job is not slot.active():  # ended from outside: another file was opened
+            self._job = None
             return {"CANCELLED"}
-        if event.type == "ESC" or job.cancelled:
-            job.cancel()
-            jobs.end(job)
-            return self.stopped(context, job)
+        if (event.type, event.value) == ("ESC", "PRESS") or job.cancelled:  # the release may be that of a closed dialog's Esc
+            return self._ending(context, partial(self._stop, context, job))
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        try:
-            result = job.tick()
-            if result is None:
-                return {"PASS_THROUGH"}
-            jobs.end(job)
-            return self.apply(context, job, result)
-        except GssmcError as error:
-            jobs.end(job)
-            return self.broke_off(context, job, str(error))
+        return self._ending(context, partial(self._tick, context, job))
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Blender ends the operator: the window closes, or another file is opened."""
-        job = jobs.active()
+        """Blender ends the operator: its dialog or window is closed, or another file is opened. There may be no job yet."""
+        job, self._job = self._job, None
         if job:
-            job.cancel()
-            jobs.end(job)
+            slot.stop(job)
 
     def refuse(self, context: bpy.types.Context, message: str, level: str = "ERROR") -> set[str]:
+        """Says why nothing comes of it, once: in the panel where the user sees that, else in Blender's report."""
         self.tell(context, message, level)
-        self.report({level}, message)
+        if not (self._beside and panel_is_open(context)):
+            self.report({level}, message)
         return {"CANCELLED"}
+
+    def _run(self, context: bpy.types.Context) -> set[str]:
+        slot.check_free()
+        job = self._job = self.gather(context)
+        return self.apply(context, job, job.run())
+
+    def _start(self, context: bpy.types.Context) -> set[str]:
+        slot.check_free()
+        job = self._job = self.gather(context)
+        self.tell(context, "")
+        slot.begin(context, job)
+        window = slot.home(context)
+        if window == context.window:
+            context.window_manager.modal_handler_add(self)
+        else:
+            with context.temp_override(window=window):
+                context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def _tick(self, context: bpy.types.Context, job: Job) -> set[str]:
+        result = job.tick()
+        slot.show(job)
+        if result is None:
+            return {"PASS_THROUGH"}
+        slot.end(job)
+        return self.apply(context, job, result)
+
+    def _stop(self, context: bpy.types.Context, job: Job) -> set[str]:
+        slot.stop(job)
+        return self.stopped(context, job)
+
+    def _ending(self, context: bpy.types.Context, step: Callable[[], set[str]]) -> set[str]:
+        """The result of `step`. Whatever it raises ends the job, and becomes one sentence; nothing else ends it that way.
+
+        What nobody foresaw may have come in the middle of writing: it gets an undo step of its own, so that it can be undone.
+        """
+        try:
+            result = step()
+        except GssmcError as error:
+            result = self._broken(context, rpt_(str(error)))
+        except Exception as error:
+            log.exception("The work broke off")
+            self._broken(context, sentence(error))
+            result = {"FINISHED"}
+        if result.isdisjoint({"RUNNING_MODAL", "PASS_THROUGH"}):
+            self._job = None  # the operator outlives its work in Blender's history
+        return result
+
+    def _broken(self, context: bpy.types.Context, message: str) -> set[str]:
+        job = self._job
+        if job is None:
+            return self.refuse(context, message)
+        slot.stop(job)
+        return self.broke_off(context, job, message)
 
 
 class AskingJobOperator(JobOperator):

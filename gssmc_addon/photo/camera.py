@@ -15,6 +15,7 @@ from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, check_size
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
+from ..camera import frame as camera_frame
 from ..registration import camera_props
 from ..support.texts import rpt_
 from . import image as photo_image
@@ -114,14 +115,16 @@ def fit_camera(
     scene.camera = camera
     notes = list(photo.notes)
     data.gssmc.photo = image  # its update shows it behind the camera
-    notes += frame(scene, photo.width, photo.height, set_resolution)
+    pixel = conventions.pixel_shape(given.intrinsics) if given else None
+    notes += frame(scene, (photo.width, photo.height), set_resolution, pixel)
     if given:
         camera_bridge.write_camera(scene, camera, scene.gssmc.splat, given)
         camera_channels.write_keyframes(scene, camera)
+        data.gssmc.lens_state = "GUESSED" if given.focal_guessed else "CALIBRATED"
         guessed = rpt_("Pose and lens are those of the camera file (the lens is a guess).")
         notes.append(guessed if given.focal_guessed else rpt_("Pose and lens are those of the camera file."))
     else:
-        data.gssmc.lens_calibrated = False
+        data.gssmc.lens_state = "GUESSED"
         notes.append(_lens_from_exif(scene, data, photo))
     camera_props.note_verdict(data, "none", (), 0, 0.0)
     return notes
@@ -140,14 +143,25 @@ def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo
     return rpt_("Lens {lens:.3g} mm from the photo's EXIF, a start that Refine improves.", lens=data.lens)
 
 
-def frame(scene: bpy.types.Scene, width: int, height: int, allowed: bool) -> list[str]:
-    """Gives the render the photo's resolution where its shape differs, if `allowed`. Sentences on what was done."""
+def frame(scene: bpy.types.Scene, size: tuple[int, int], allowed: bool, pixel: float | None = None) -> list[str]:
+    """Gives the render the photo's resolution where its shape differs, if `allowed`. Sentences on what was done.
+
+    `pixel`: width over height of the photo's pixels, which the render's take too; None: those of the render as they are. The
+    other cameras of the scene follow, so that each keeps its fit.
+    """
     render = scene.render
+    now = render.pixel_aspect_x / render.pixel_aspect_y
+    shape = pixel if pixel and abs(pixel - now) > camera_bridge.SAME_PIXEL * now else None
     before = render.resolution_x, render.resolution_y
-    if before[0] * height == before[1] * width or not allowed:
+    if not allowed or (shape is None and before[0] * size[1] == before[1] * size[0]):
         return []
-    render.resolution_x, render.resolution_y = width, height
-    return [rpt_("The render resolution was {x} x {y} and is now the photo's.", x=before[0], y=before[1])]
+    notes = [rpt_("The render resolution was {x} x {y} and is now the photo's.", x=before[0], y=before[1])]
+    render.resolution_x, render.resolution_y = size
+    if shape:
+        render.pixel_aspect_x, render.pixel_aspect_y = conventions.pixel_aspects(shape)
+        notes.append(rpt_("Its pixels are {ratio:.4f} times as wide as high now, as the photo's.", ratio=shape))
+    camera_frame.fit_all(scene)
+    return notes
 
 
 def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
@@ -159,6 +173,13 @@ def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
     view = _view_here(context)
     if view:
         view.region.view_perspective = "CAMERA"
+
+
+def stop_moving_with_view() -> None:
+    """Switches off Lock Camera to View, with which the next turn of the view would take a solved camera along."""
+    areas = (area for screen in bpy.data.screens for area in screen.areas)
+    for space in (space for area in areas for space in area.spaces if space.type == "VIEW_3D"):
+        space.lock_camera = False
 
 
 def find_view(context: bpy.types.Context) -> View | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +11,12 @@ import bpy
 import numpy as np
 
 from ...core.errors import PhotoError
-from ...core.photos.exif import read_exif
 from ...core.photos.linear import photo_from_linear
-from ...core.photos.photo import Photo, read_photo
+from ...core.photos.photo import Photo, photo_facts, read_photo
 from ...core.photos.size import EXR_SIGNATURE
 from ..support.texts import rpt_
+
+log = logging.getLogger(__name__)
 
 FILE_KEY = "gssmc_file"
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
@@ -109,8 +111,8 @@ def _light(image: bpy.types.Image) -> np.ndarray:
 def load_image(path: str, photo: Photo) -> bpy.types.Image:
     """The Blender image of a photo, upright. `photo` is what the engine read from `path`."""
     image = bpy.data.images.load(path, check_existing=True)
-    turned = read_exif(Path(path).read_bytes()).orientation != 1
-    if turned or tuple(image.size) != (photo.width, photo.height):  # Blender ignores EXIF rotation; the engine does not
+    # Blender ignores EXIF rotation; the engine does not.
+    if not photo.stored_upright or tuple(image.size) != (photo.width, photo.height):
         if image.users == 0:
             bpy.data.images.remove(image)
         image = packed_copy(Path(path).name, photo)
@@ -132,7 +134,11 @@ def packed_copy(name: str, photo: Photo) -> bpy.types.Image:
 
 def camera_photo(camera: bpy.types.Object) -> bpy.types.Image | None:
     """The photo that belongs to a camera: the one picked in the panel, else its first background image."""
-    data = camera.data
+    return photo_of(camera.data)
+
+
+def photo_of(data: bpy.types.Camera) -> bpy.types.Image | None:
+    """As `camera_photo`, of the camera's data."""
     if data.gssmc.photo:
         return data.gssmc.photo
     return next((b.image for b in data.background_images if b.source == "IMAGE" and b.image), None)
@@ -140,7 +146,39 @@ def camera_photo(camera: bpy.types.Object) -> bpy.types.Image | None:
 
 def photo_file(image: bpy.types.Image) -> str:
     """The file that a photo came from, also of a copy inside the .blend; "" when it came from none."""
-    return bpy.path.abspath(image.filepath_raw or image.get(FILE_KEY, ""))
+    return bpy.path.abspath(image.filepath_raw or image.get(FILE_KEY, ""), library=image.library)
+
+
+def own_size(data: bpy.types.Camera) -> tuple[int, int]:
+    """(width, height) of the camera's photo upright, in its own file, of which Blender may hold a smaller copy.
+
+    (0, 0) where there is no photo, or its file is gone and Blender has no pixels of it either.
+    """
+    note, image = data.gssmc, photo_of(data)
+    kept = note.photo_x, note.photo_y
+    known = all(kept) and note.framed == image
+    if image is None or (known and not image.has_data):
+        return kept if known else (0, 0)
+    if known and _same_shape(tuple(image.size), kept):
+        return kept
+    return _size_in_file(image)
+
+
+def _same_shape(a: tuple[int, int], b: tuple[int, int]) -> bool:
+    """Up to the pixel that halving a side may round away."""
+    return abs(a[0] * b[1] - a[1] * b[0]) <= max(*a, *b)
+
+
+def _size_in_file(image: bpy.types.Image) -> tuple[int, int]:
+    """By the file's first bytes; Blender would decode all of it, and does where they do not tell."""
+    file = photo_file(image)
+    if image.source == "FILE" and Path(file).is_file() and not is_exr(image, file):
+        try:
+            facts = photo_facts(file)
+            return facts.width, facts.height
+        except PhotoError as error:
+            log.info("The size of %s is Blender's: %s", image.name, error)
+    return tuple(image.size)
 
 
 def show_behind(data: bpy.types.Camera, image: bpy.types.Image) -> None:

@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 
 from ...core.photos.photo import Photo
+from ..camera import frame as camera_frame
+from ..camera import solution as camera_solution
 from . import camera as photo_camera
 from . import image as photo_image
 from .entry import GssmcPhoto
@@ -70,7 +72,10 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     left = photo_image.camera_photo(scene.camera) if scene.camera and scene.camera.type == "CAMERA" else None
     image = photo_image.camera_photo(camera)
     scene.camera = camera
+    camera_frame.follow(scene)
     context.view_layer.update()  # a camera that was just linked is not in it yet
+    if camera_solution.verdict(scene, camera) in ("TRUSTED", "CHECK"):
+        photo_camera.stop_moving_with_view()
     if camera.name in context.view_layer.objects:
         photo_camera.look_through(context, camera)
     if left and left != image and not left.is_dirty:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..refine import job as jobs
+from ..camera import solution as camera_solution
+from ..jobs import slot as jobs
 from ..refine import panel as panels
 from ..registration import camera_props
 from ..support.texts import iface_
@@ -35,7 +36,7 @@ class GSSMC_UL_photos(bpy.types.UIList):
         else:
             if camera.data.gssmc.mask:
                 row.label(text="", icon="MOD_MASK")
-            verdict = camera.data.gssmc.verdict
+            verdict = camera_solution.verdict(context.scene, camera)
             row.label(text="", icon=camera_props.VERDICT_ICONS[verdict] if verdict != "NONE" else "BLANK1")
 
     def filter_items(self, context, data, propname):

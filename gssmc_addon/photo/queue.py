@@ -13,6 +13,7 @@ from ...core.errors import RefineError
 from ...core.photos.photo import Photo, read_photo
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
+from ..camera import solution as camera_solution
 from ..jobs.machine import QueueJob
 from ..jobs.worker import Steps, refinement
 from ..refine import job as jobs
@@ -186,7 +187,7 @@ def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
     wanted = {
         "ALL": lambda entry: True,
         "TICKED": lambda entry: entry.ticked,
-        "OPEN": lambda entry: entry.camera.data.gssmc.verdict != "TRUSTED",
+        "OPEN": lambda entry: camera_solution.verdict(scene, entry.camera) != "TRUSTED",
     }[which]
     found = [entry for entry in with_camera if wanted(entry)]
     if not found:

@@ -124,6 +124,12 @@ class SequenceJob(QueueJob):
             frames, poses = filled, sequence.interpolate(smoothed, filled)
         return {frame: replace(lens, pose=pose) for frame, lens, pose in zip(frames, lenses, poses, strict=True)}
 
+    @property
+    def median_depth(self) -> float:
+        """Over all frames, in units of the splat's file; 0 where none tells it."""
+        depths = [report.quality.median_depth for report in self.reports.values() if report.quality]
+        return median(depths) if depths else 0.0
+
     def summary(self) -> str:
         """One or two sentences on all frames."""
         good = self.count - len(self.bad)

@@ -78,6 +78,12 @@ def moving_photo(camera: bpy.types.Object) -> MovingPhoto | None:
     return _of_clip(clip) if clip and image is None else None
 
 
+def has_clip(camera: bpy.types.Object) -> bool:
+    """Whether a movie clip is behind the camera, and no photo."""
+    clips = any(slot.source == "MOVIE_CLIP" and slot.clip for slot in camera.data.background_images)
+    return clips and photo_image.camera_photo(camera) is None
+
+
 def no_plate(camera: bpy.types.Object) -> str:
     """What to tell of a camera without a plate."""
     return rpt_('The camera "{name}" has no image sequence or movie; use Add Plate in the GS-SMC panel.', name=camera.name)

@@ -162,7 +162,7 @@ def view_key(copy: CameraCopy, source: PhotoSource, splat: bpy.types.Object, opt
     """
     numbers = np.concatenate([copy.pose.R.ravel(), copy.pose.t, copy.dist])
     photo = (source.name, source.path, _stamp(Path(source.path)), zlib.crc32(getattr(source, "packed", None) or b""))
-    parts = (numbers.tobytes(), copy.lens, copy.frame, photo, splat.session_uid, options.long_side_px)
+    parts = (numbers.tobytes(), copy.lens, copy.frame, copy.photo_pixel, photo, splat.session_uid, options.long_side_px)
     return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 
+from ..jobs import slot as jobs
 from ..photo import image as photo_image
-from ..refine import job as jobs
 from ..refine import panel as panels
 from ..support.texts import iface_
 from . import images as preview_images

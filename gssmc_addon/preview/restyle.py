@@ -12,9 +12,9 @@ import bpy
 
 from ...core.errors import GssmcError
 from ..camera import bridge as camera_bridge
+from ..jobs import slot as jobs
 from ..photo import image as photo_image
 from ..plate import source as plate_source
-from ..refine import job as jobs
 from ..splat import object as splat_object
 from . import images as preview_images
 from . import job as preview_job

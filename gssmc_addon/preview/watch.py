@@ -35,7 +35,7 @@ def _view(camera: bpy.types.Object, copy: CameraCopy) -> str:
     photo = photo_image.camera_photo(camera)
     frame = bpy.context.scene.frame_current if photo and photo.source in MOVING else 0
     shown = photo.session_uid if photo else 0
-    return repr(([round(float(x), DIGITS) + 0.0 for x in pose], lens, copy.dist, copy.frame, shown, frame))
+    return repr(([round(float(x), DIGITS) + 0.0 for x in pose], lens, copy.dist, copy.frame, copy.photo_pixel, shown, frame))
 
 
 def take_away_when_stale() -> None:

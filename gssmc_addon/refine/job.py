@@ -19,8 +19,11 @@ from ...core.pose.settings import RefineSettings
 from ...core.render import memory
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
-from ..jobs.machine import TICK_S, Job, redraw
+from ..camera import solution as camera_solution
+from ..jobs.machine import Job
 from ..jobs.worker import RefineInputs, refinement
+from ..photo import camera as photo_camera
+from ..photo import image as photo_image
 from ..photo import mask as mask_source
 from ..plate import source as plate_source
 from ..registration import camera_props, preferences
@@ -30,7 +33,6 @@ from ..splat.renderer import SplatRenderer
 from ..support import problem
 from ..support.texts import iface_, n_, rpt_
 
-SHUTDOWN_JOIN_S = 5.0
 REMOVED = {
     "splat": n_('The splat "{name}" was removed while the refinement ran; nothing was changed.'),
     "camera": n_('The camera "{name}" was removed while the refinement ran; nothing was changed.'),
@@ -104,10 +106,7 @@ def gather(
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
     splat_object.check_picked(scene, splat)
-    if camera is None or camera.type != "CAMERA":
-        raise RefineError(rpt_("The scene has no camera for the photo; use Add Photo in the GS-SMC panel."))
-    if photo is None:
-        raise RefineError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
+    _check_photo(camera, photo)
     check_choice(settings)
     camera_channels.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
@@ -116,6 +115,26 @@ def gather(
     copying = None if renderer else SplatCopying(splat)
     inputs = RefineInputs(renderer or SplatRenderer(copying, settings.threads), source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs, copying)
+
+
+def _check_photo(camera: bpy.types.Object | None, photo: bpy.types.Image | None) -> None:
+    if camera is None or camera.type != "CAMERA":
+        raise RefineError(rpt_("The scene has no camera for the photo; use Add Photo in the GS-SMC panel."))
+    if photo is None:
+        raise RefineError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
+
+
+def missing(scene: bpy.types.Scene) -> str:
+    """Why no photo of the scene can be refined or looked at, for a poll; "" when one can. Scripts may name any camera."""
+    try:
+        splat_object.check_picked(scene, scene.gssmc.splat)
+        camera = scene.camera
+        photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
+        if photo is None and not any(photo_image.camera_photo(o) for o in scene.objects if o.type == "CAMERA"):
+            _check_photo(camera, photo)
+    except RefineError as error:
+        return str(error)
+    return ""
 
 
 def _check_memory(splat: bpy.types.Object, photo: bpy.types.Image, settings: RefineSettings) -> None:
@@ -135,71 +154,17 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
     notes = []
     if report.verdict != "failed":
         camera_channels.check_writable(camera)
-        if camera_bridge.write_camera(scene, camera, splat, report.camera):
-            notes.append(rpt_("The render's pixel aspect was set to the camera's."))
+        camera_bridge.write_camera(scene, camera, splat, report.camera)
         if keyed := camera_channels.write_keyframes(scene, camera):
             notes.append(keyed)
-    camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
+        state = camera.data.gssmc.lens_state
+        camera_solution.keep(scene, camera, splat, camera_solution.of_report(report, state))
+        if camera == scene.camera:
+            photo_camera.stop_moving_with_view()
+    else:
+        camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
     values |= {"verdict": iface_(camera_props.VERDICT_NAMES[report.verdict.upper()]).lower(), "seconds": report.seconds}
     return " ".join([rpt_('"{name}" was refined ({verdict}) in {seconds:.1f} s: {reason}', **values), *notes])
-
-
-class _Slot:
-    """The one job of this Blender, and the timer that drives it."""
-
-    def __init__(self) -> None:
-        self.job: Job | None = None
-        self.timer: bpy.types.Timer | None = None
-
-
-_slot = _Slot()  # a modal operator and a panel have no other common place that is not saved into the .blend
-
-
-def active() -> Job | None:
-    """The running job, for the panel and Cancel."""
-    return _slot.job
-
-
-def begin(context: bpy.types.Context, job: Job) -> None:
-    """Makes `job` the running one and starts its thread and its timer."""
-    _slot.job = job
-    _slot.timer = context.window_manager.event_timer_add(TICK_S, window=context.window)
-    context.workspace.status_text_set(iface_(job.status))
-    job.start()
-
-
-def end(job: Job) -> None:
-    """Closes and forgets `job` and stops its timer; harmless when that was done already."""
-    job.close()
-    if _slot.job is not job:
-        return
-    if _slot.timer is not None:
-        bpy.context.window_manager.event_timer_remove(_slot.timer)
-    _slot.job = _slot.timer = None
-    for workspace in bpy.data.workspaces:
-        workspace.status_text_set(None)
-    redraw()
-
-
-@bpy.app.handlers.persistent
-def _before_load(*_: object) -> None:
-    if _slot.job:
-        _slot.job.cancel()
-        end(_slot.job)
-
-
-def register() -> None:
-    bpy.app.handlers.load_pre.append(_before_load)
-
-
-def unregister() -> None:
-    """Cancels a running job first, so that nothing of it outlives the extension."""
-    job = _slot.job
-    if job:
-        job.cancel()
-        end(job)
-        job.join(SHUTDOWN_JOIN_S)
-    bpy.app.handlers.load_pre.remove(_before_load)

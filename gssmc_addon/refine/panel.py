@@ -6,16 +6,16 @@ import textwrap
 
 import bpy
 
-from ..jobs.machine import Job
+from ..camera import solution as camera_solution
+from ..jobs import slot as jobs
+from ..jobs.machine import CATEGORY, Job
 from ..photo import image as photo_image
 from ..registration import camera_props, preferences
 from ..registration import settings as settings_props
 from ..splat import object as splat_object
 from ..support.texts import iface_
 from ..viewport import props as viewport_props
-from . import job as jobs
 
-CATEGORY = "GS-SMC"
 PIXELS_PER_CHARACTER = 6.4
 
 
@@ -88,14 +88,23 @@ def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera:
     row.operator("gssmc.refine", icon="CAMERA_DATA")
     note = camera.data.gssmc if camera else None
     if note and note.verdict != "NONE":
-        box = layout.box()
-        title = camera_props.verdict_title(note)
-        box.label(text=title, icon=camera_props.VERDICT_ICONS[note.verdict])
-        for reason in note.reasons.splitlines():
-            draw_text(box, context, reason)
+        _draw_verdict(layout.box(), context, camera)
     last = context.window_manager.gssmc
     if last.message:
         draw_text(layout.box(), context, last.message, icon=last.message_icon)
+
+
+def _draw_verdict(box: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object) -> None:
+    """What came of the last refinement; greyed out, with the way back, where the camera is no longer what was solved."""
+    note, changed = camera.data.gssmc, camera_solution.title(context.scene, camera)
+    if changed:
+        box.label(text=changed, icon=camera_props.VERDICT_ICONS[camera_solution.CHANGED])
+        box.operator("gssmc.back_to_solution", icon="LOOP_BACK")
+    column = box.column(align=True)
+    column.active = not changed or note.verdict == "FAILED"
+    column.label(text=camera_props.verdict_title(note), icon=camera_props.VERDICT_ICONS[note.verdict])
+    for reason in note.reasons.splitlines():
+        draw_text(column, context, reason)
 
 
 def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
@@ -121,7 +130,7 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         self.layout.use_property_split = True
         data = context.scene.camera.data
         column = self.layout.column(align=True)
-        column.prop(data.gssmc, "lens_calibrated")
+        column.prop(data.gssmc, "lens_state")
         column.prop(context.scene.gssmc, "lens", text="Solve For")
         column = self.layout.column(align=True)
         column.prop(data, "shift_x", text="Shift X")

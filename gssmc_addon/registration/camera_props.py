@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..camera import bridge as camera_bridge
 from ..photo import image as photo_image
 from ..photo import mask as mask_source
 from ..support.texts import iface_
@@ -17,8 +18,20 @@ VERDICTS = (
     ("CHECK", "Check", "Look at the result before you rely on it"),
     ("FAILED", "Failed", "No camera was found; nothing was changed"),
 )
+LENS_STATES = (
+    ("GUESSED", "Guessed", "From EXIF, or set by eye. Refine solves for it when Solve For is Auto"),
+    ("SOLVED", "Solved", "Refine found it. The next Refine starts from it, and solves for it again when Solve For is Auto"),
+    (
+        "CALIBRATED",
+        "Calibrated",
+        "Known from a calibration, as you or a file say. Refine holds it when Solve For is Auto",
+    ),
+)
+GUESSED, SOLVED, CALIBRATED = range(len(LENS_STATES))
+NOTHING_SAID = -1
 VERDICT_NAMES = {item[0]: item[1] for item in VERDICTS}
-VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "FAILED": "ERROR"}
+# CHANGED: the camera is no longer what the verdict was of
+VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "FAILED": "ERROR", "CHANGED": "LOOP_BACK"}
 
 
 def verdict_title(note: GssmcCamera) -> str:
@@ -30,8 +43,11 @@ def verdict_title(note: GssmcCamera) -> str:
 
 
 def note_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
-    """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none"."""
+    """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none", which also forgets a solution."""
     note = data.gssmc
+    note.lens_state = note.lens_state  # in a file of an older version it follows from the verdict, as long as nobody sets it
+    if verdict == "none":
+        note.solution, note.solved_photo = "", None
     note.verdict, note.reasons = verdict.upper(), "\n".join(reasons)
     note.iterations_done, note.seconds = iterations, seconds
 
@@ -40,6 +56,31 @@ def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
     if self.photo:
         context.window_manager.gssmc.tell("")  # that there was none
         photo_image.show_behind(self.id_data, self.photo)
+        camera_bridge.show_pixel(self.id_data)
+
+
+def _lens_state(self: GssmcCamera) -> int:
+    """What was said of the lens. Older versions kept only whether it was calibrated, and said so themselves when they had
+    solved for it: there only a camera that was never refined has it from the user.
+    """
+    if self.lens_said != NOTHING_SAID:
+        return self.lens_said
+    if not self.lens_calibrated:
+        return GUESSED
+    return CALIBRATED if self.verdict == "NONE" else SOLVED
+
+
+def _set_lens_state(self: GssmcCamera, state: int) -> None:
+    self.lens_calibrated = state == CALIBRATED
+    self.lens_said = state  # last, for the line above sets it too
+
+
+def _calibrated_set(self: GssmcCamera, context: bpy.types.Context) -> None:
+    """For scripts that were written for older versions."""
+    if self.lens_calibrated:
+        self.lens_said = CALIBRATED
+    elif self.lens_said in (NOTHING_SAID, CALIBRATED):
+        self.lens_said = GUESSED
 
 
 class GssmcCamera(bpy.types.PropertyGroup):
@@ -67,13 +108,40 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "undistorted": PointerProperty(
             name="Undistorted", description="The photo's copy without lens distortion, for the background", type=bpy.types.Image
         ),
+        "lens_state": EnumProperty(
+            name="Focal Length Is",
+            description="Where the focal length comes from, hence whether Refine solves for it",
+            items=LENS_STATES,
+            get=_lens_state,
+            set=_set_lens_state,
+        ),
+        "lens_said": IntProperty(
+            name="Lens Said", description="The state of the lens as it was set; -1: nobody did", default=NOTHING_SAID
+        ),
         "lens_calibrated": BoolProperty(
-            name="Calibrated",
-            description="The focal length is known well, from a calibration. Otherwise it is a guess (from EXIF, or by eye), "
-            "for which Refine solves when Solve For is Auto",
+            name="Calibrated", description="What files and scripts of older versions say of the lens", update=_calibrated_set
         ),
         "frame_x": IntProperty(name="Frame X", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
         "frame_y": IntProperty(name="Frame Y", description="Render resolution that the lens belongs to; 0: the scene's", min=0),
+        "frame_pixel": FloatProperty(
+            name="Frame Pixel",
+            description="Width over height of the render's pixels that the lens belongs to; 0: the scene's",
+            min=0,
+        ),
+        "photo_pixel": FloatProperty(
+            name="Photo Pixel", description="Width over height of the photo's pixels; 0: the frame's", min=0
+        ),
+        "framed": PointerProperty(
+            name="Framed Photo", description="The photo whose size was last written down", type=bpy.types.Image
+        ),
+        "photo_x": IntProperty(name="Photo X", description="Width of the photo in its own file; 0: unknown", min=0),
+        "photo_y": IntProperty(name="Photo Y", description="Height of the photo in its own file; 0: unknown", min=0),
+        "solution": StringProperty(
+            name="Solution", description="What the camera was solved to be: a camera as JSON, with its verdict"
+        ),
+        "solved_photo": PointerProperty(
+            name="Solved Photo", description="The photo for which the camera was solved", type=bpy.types.Image
+        ),
         "verdict": EnumProperty(name="Verdict", items=VERDICTS, default="NONE"),
         "reasons": StringProperty(name="Reasons", description="Why, one sentence per line"),
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),

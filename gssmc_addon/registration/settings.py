@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import fields
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS
-from ...core.pose.settings import RefineSettings, choices
+from ...core.pose.settings import RefineSettings
+from ...core.support.options import Option, options_of
 from . import preferences
 
-LIMITS = {
-    "iterations": (1, 100),
-    "candidates": (1, 64),
-    "long_side_px": (64, 8192),
-    "final_long_side_px": (64, 8192),
-    "threads": (0, 256),
-}
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+OPTIONS = options_of(RefineSettings)
 TITLES = {  # where the field's own name does not fit into the sidebar
     "final_long_side_px": "Final Side (px)",
     "perturb_translation_ratio": "Shift (ratio)",
@@ -26,55 +24,58 @@ TITLES = {  # where the field's own name does not fit into the sidebar
     "perturb_rotation_deg": "Turn (deg)",
 }
 MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
-AUTO_ITEM = (AUTO, "Auto", "SIFT; ALIKED takes over where it finds no answer, if there is a model of it")
 CHOICES = {
-    "features": [*((name, kind.title, kind.text[:1].upper() + kind.text[1:]) for name, kind in EXTRACTORS.items()), AUTO_ITEM],
-    "matcher": [(name, kind.title, kind.text[:1].upper() + kind.text[1:]) for name, kind in MATCHERS.items()],
-    **{name: [(word, word.title(), "") for word in words] for name, words in choices().items()},
+    name: [(word, choice.title, _sentence(choice.text)) for word, choice in option.choices.items()]
+    for name, option in OPTIONS.items()
+    if option.choices
 }
 
 
-def _field_docs() -> dict[str, str]:
-    """Tooltips from the dataclass's docstring, where each option stands as `name: text.`"""
-    found = re.findall(r"^\s*(\w+): (.+?)(?=\n\s*\w+: |\n\s*$|\Z)", RefineSettings.__doc__ or "", re.MULTILINE | re.DOTALL)
-    return {name: " ".join(text.split()).rstrip(".") for name, text in found}
-
-
 def _title(name: str) -> str:
-    """ "long_side_px" -> "Long Side (px)"; ratios need no unit."""
+    """ "long_side_px" -> "Long Side (px)"."""
     if name in TITLES:
         return TITLES[name]
-    words = name.removesuffix("_ratio").split("_")
-    unit = f" ({words.pop()})" if words[-1] in {"px", "deg"} else ""
-    return " ".join(words).title() + unit
+    unit = OPTIONS[name].unit
+    words = name.removesuffix(f"_{unit}").replace("_", " ").title()
+    return f"{words} ({unit})" if unit else words
+
+
+def _limits(option: Option) -> dict[str, float]:
+    """What may be typed, which is just what the engine accepts, and what a slider offers."""
+    if option.low is None or option.high is None:
+        return {}
+    soft_low = option.low if option.soft_low is None else option.soft_low
+    soft_high = option.high if option.soft_high is None else option.soft_high
+    return {"min": option.low, "max": option.high, "soft_min": soft_low, "soft_max": soft_high}
 
 
 def settings_annotations() -> dict[str, object]:
     """One Blender property per field of RefineSettings, with its default, limits and documentation; without the model files,
     which are the user's and not the scene's.
     """
-    docs, annotations = _field_docs(), {}
-    for option in fields(RefineSettings):
-        if option.name in MODEL_OF:
+    annotations: dict[str, object] = {}
+    for field in fields(RefineSettings):
+        if field.name in MODEL_OF:
             continue
-        common = {"name": _title(option.name), "description": docs.get(option.name, "")}
-        if option.name in CHOICES:
-            annotations[option.name] = EnumProperty(items=CHOICES[option.name], default=option.default, **common)
-        elif isinstance(option.default, bool):
-            annotations[option.name] = BoolProperty(default=option.default, **common)
-        elif isinstance(option.default, int):
-            low, high = LIMITS.get(option.name, (0, 2**31 - 1))
-            annotations[option.name] = IntProperty(default=option.default, min=low, max=high, **common)
+        option = OPTIONS[field.name]
+        common = {"name": _title(field.name), "description": _sentence(option.help), "default": field.default}
+        if option.choices:
+            annotations[field.name] = EnumProperty(items=CHOICES[field.name], **common)
+        elif isinstance(field.default, bool):
+            annotations[field.name] = BoolProperty(**common)
+        elif isinstance(field.default, int):
+            annotations[field.name] = IntProperty(**_limits(option), **common)
         else:
-            annotations[option.name] = FloatProperty(default=option.default, min=0.0, precision=4, step=0.1, **common)
+            annotations[field.name] = FloatProperty(precision=4, step=0.1, **_limits(option), **common)
     return annotations
 
 
 def model_annotations() -> dict[str, object]:
     """The model files as properties, for operators: scripts may name them instead of the preferences."""
-    docs = _field_docs()
     return {
-        name: StringProperty(name=_title(name), subtype="FILE_PATH", description=f"{docs[name]}; empty: the preferences'")
+        name: StringProperty(
+            name=_title(name), subtype="FILE_PATH", description=f"{_sentence(OPTIONS[name].help)}; empty: the preferences'"
+        )
         for name in MODEL_OF
     }
 

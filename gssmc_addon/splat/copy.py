@@ -18,7 +18,7 @@ from .object import BASE, SH_PREFIX, check_attribute, is_splat, read_attribute, 
 SHAPE = (("position", 3), ("scale", 3), ("rotation", 4), (BASE, 4))  # before the SH coefficients
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SplatCopy:
     """A splat object's attributes as Blender holds them, copied: means (N, 3), scales (N, 3), rotations (N, 4), base (N, 4)
     with f_dc and opacity, and one (N, 3) array per SH coefficient above degree 0; all float32.
@@ -33,22 +33,20 @@ class SplatCopy:
     def assemble(self) -> GaussianScene:
         """The engine's scene. Needs no Blender and takes a while on large scans, hence fit for a worker thread.
 
-        Editing tools and other importers may leave NaN behind; such Gaussians are dropped, as on reading a file.
-        Raises SplatFormatError when none is left.
+        Editing tools and other importers leave NaN, quaternions of any length and negative scales behind, hence it is checked
+        as a file is, in the copy's own arrays. Raises SplatFormatError when nothing is left.
         """
         sh = np.empty((len(self.means), 1 + len(self.bands), 3), np.float32)
         sh[:, 0] = self.base[:, :3]
         for k, band in enumerate(self.bands):
             sh[:, k + 1] = band
-        arrays = (self.means, self.scales, self.rotations, self.base[:, 3].copy(), sh)
-        good = np.logical_and.reduce([np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays])
-        dropped = int(len(good) - good.sum())
-        if dropped == len(good):
+        opacities = self.base[:, 3].copy()
+        try:
+            return GaussianScene.checked(self.means, self.scales, self.rotations, opacities, sh, "Blender point cloud")
+        except SplatFormatError:
             raise SplatFormatError(
                 n_("Every Gaussian of the splat object holds a value that is not finite; import the file again.")
-            )
-        kept = arrays if dropped == 0 else tuple(np.ascontiguousarray(a[good]) for a in arrays)
-        return GaussianScene(*kept, dropped=dropped, format="Blender point cloud")
+            ) from None
 
 
 class SplatCopying:

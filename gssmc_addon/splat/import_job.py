@@ -1,108 +1,79 @@
-"""Reading a splat file in a thread of its own, and all that can be computed of it without Blender."""
+"""The import of a splat file: read in a thread, which goes on to compute its look while it is written into Blender's memory."""
 
 from __future__ import annotations
 
-import logging
-import threading
-from dataclasses import dataclass
+import time
+from collections.abc import Generator
 from pathlib import Path
 
-import numpy as np
+import bpy
 
-from ...core.errors import Cancelled, GssmcError, SplatFormatError
+from ...core.errors import Cancelled
 from ...core.splats import read_splats
 from ...core.splats.scene import GaussianScene
-from ..support.texts import n_, rpt_, sentence
-from ..viewport import clouds as viewport_clouds
-from . import display as splat_display
+from ..jobs.machine import Job
+from ..support.texts import iface_, n_
+from .importer import Building, Look, Placement, ReadSplat
 
-log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class ReadSplat:
-    """A scene with the attribute that is stored in another shape: base (N, 4), f_dc and opacity."""
-
-    scene: GaussianScene
-    base: np.ndarray
-
-    @classmethod
-    def of(cls, scene: GaussianScene) -> ReadSplat:
-        return cls(scene, np.concatenate([scene.sh[:, 0], scene.opacities[:, None]], axis=1))
+STEP_S = 0.05  # of each tick, for writing into Blender's memory, which may take one attribute longer
+READING = 0.8  # share of the progress shown
 
 
-@dataclass(frozen=True)
-class Look:
-    """What only the display needs: point radius (N,), and the viewport's tables where the extension draws splats itself."""
+class SplatImport(Job):
+    """The import of `path`. Its result is the job itself, whose `finish()` brings the splat into the scene."""
 
-    radius: np.ndarray
-    viewport: viewport_clouds.Prepared | None
+    at_mouse = True
+    tick_s = 0.03
 
-    @classmethod
-    def of(cls, read: ReadSplat, viewport: bool) -> Look:
+    def __init__(self, path: Path, placement: Placement, viewport: bool) -> None:
         """`viewport`: whether this Blender has one in which the extension draws splats."""
-        arrays = read.scene.means, read.scene.scales, read.scene.rotations, read.base
-        return cls(splat_display.point_radius(read.scene), viewport_clouds.prepare(arrays) if viewport else None)
-
-
-class ImportJob:
-    """Start it, look at `fraction`, take `read()` as soon as that is there, and `look()` once `done()`.
-
-    So the splat can go into Blender's memory while its look is still computed. `stop()` ends it at its next step.
-    """
-
-    def __init__(self, path: Path, viewport: bool) -> None:
-        self.path, self.fraction = path, 0.0  # of the reading
-        self._viewport = viewport
-        self._stopped = threading.Event()
-        self._read: ReadSplat | None = None
+        super().__init__(self._steps)
+        self.status = iface_("Importing {file}    Esc: cancel", file=path.name)
+        self.step = n_("Reading the splat")
+        self.scene: GaussianScene | None = None
+        self._path, self._placement, self._viewport = path, placement, viewport
+        self._read_share = 0.0  # written by the thread
+        self._building: Building | None = None
+        self._built = False
         self._look: Look | None = None
-        self._error: Exception | None = None
-        self._thread = threading.Thread(target=self._run, name="gssmc-import", daemon=True)
 
-    def start(self) -> None:
-        self._thread.start()
-
-    def stop(self) -> None:
-        self._stopped.set()
-
-    def done(self) -> bool:
-        return not self._thread.is_alive()
-
-    def join(self) -> None:
-        self._thread.join()
-
-    def read(self) -> ReadSplat | None:
-        """What was read, None while there is none. Raises GssmcError when the file cannot be imported."""
-        if self._error:
-            raise self._refusal(self._error)
-        return self._read
-
-    def look(self) -> Look:
-        """How it looks. Raises GssmcError when the file cannot be imported."""
-        if self._look:
-            return self._look
-        raise self._refusal(self._error or RuntimeError())
-
-    def _refusal(self, error: Exception) -> GssmcError:
-        if isinstance(error, GssmcError):
-            return error
-        if isinstance(error, MemoryError):
-            return SplatFormatError(rpt_("'{file}' does not fit into memory; close other files first.", file=self.path.name))
-        return SplatFormatError(sentence(error))
-
-    def _run(self) -> None:
-        try:
-            self._read = ReadSplat.of(read_splats(self.path, self._progress))
-            self._progress(1.0)
-            self._look = Look.of(self._read, self._viewport)
-        except (GssmcError, MemoryError) as error:
-            self._error = error
-        except Exception as error:
-            log.exception("The import broke off")
-            self._error = error
+    def _steps(self) -> Generator[ReadSplat, None, Look]:
+        read = ReadSplat.of(read_splats(self._path, self._progress))
+        yield read
+        return Look.of(read, self._viewport)
 
     def _progress(self, fraction: float) -> None:
-        if self._stopped.is_set():
+        """In the thread, many times while the file is read."""
+        if self.cancelled:
             raise Cancelled(n_("The import was cancelled; nothing was changed."))
-        self.fraction = fraction
+        self._read_share = fraction
+
+    def note(self, news: ReadSplat) -> None:
+        self.scene, self.step = news.scene, n_("Making the splat")
+        self._building = Building(self._path.stem, news, self._placement)
+
+    def advance(self) -> SplatImport | None:
+        begun = self._building is not None
+        self._look = super().advance() or self._look
+        self.show()
+        if not begun or self._building is None:  # Blender draws anew before the first step
+            self.fraction = READING * self._read_share
+            return None
+        until = time.perf_counter() + STEP_S
+        while not self._built and time.perf_counter() < until:
+            self._built = self._building.step()
+        self.fraction = READING + (1 - READING) * self._building.fraction
+        return self if self._built and self._look else None
+
+    def finish(self, context: bpy.types.Context) -> bpy.types.Object:
+        """The splat object, in the scene. Raises SplatFormatError when its data is gone."""
+        obj = self._building.finish(context, self._look)
+        self._building = None
+        return obj
+
+    def cancel(self) -> None:
+        """Also removes what was made so far, unless `finish()` has brought it into the scene."""
+        super().cancel()
+        building, self._building = self._building, None
+        if building:
+            building.drop()

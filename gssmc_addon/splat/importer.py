@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
 from ...core.errors import GssmcError, SplatFormatError
@@ -16,12 +17,12 @@ from ...core.geometry.conventions import Orientation
 from ...core.splats import SUFFIXES, inspect_splats
 from ...core.splats.scene import GaussianScene
 from ..support.texts import iface_, n_, rpt_
+from ..viewport import clouds as viewport_clouds
 from ..viewport import handlers as viewport
 from ..viewport import props as viewport_props
 from . import cloud_size
 from . import display as splat_display
 from . import object as splat_object
-from .import_job import Look, ReadSplat
 
 ADDING_S = 0.05
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
@@ -44,6 +45,32 @@ def describe(path: str) -> list[str]:
         iface_("{count:,} Gaussians, SH degree {degree}", count=info.count, degree=info.sh_degree),
         iface_("Its axes: {axes}", axes=iface_(AXIS_WORDS[info.orientation])),
     ]
+
+
+@dataclass(frozen=True)
+class ReadSplat:
+    """A scene with the attribute that is stored in another shape: base (N, 4), f_dc and opacity."""
+
+    scene: GaussianScene
+    base: np.ndarray
+
+    @classmethod
+    def of(cls, scene: GaussianScene) -> ReadSplat:
+        return cls(scene, np.concatenate([scene.sh[:, 0], scene.opacities[:, None]], axis=1))
+
+
+@dataclass(frozen=True)
+class Look:
+    """What only the display needs: point radius (N,), and the viewport's tables where the extension draws splats itself."""
+
+    radius: np.ndarray
+    viewport: viewport_clouds.Prepared | None
+
+    @classmethod
+    def of(cls, read: ReadSplat, viewport: bool) -> Look:
+        """`viewport`: whether this Blender has one in which the extension draws splats."""
+        arrays = read.scene.means, read.scene.scales, read.scene.rotations, read.base
+        return cls(splat_display.point_radius(read.scene), viewport_clouds.prepare(arrays) if viewport else None)
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import logging
+
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from ...core.errors import GssmcError
-from ..jobs.operator import AskingJobOperator, Reporter
+from ..jobs.operator import AskingJobOperator, Idle, Reporter
 from ..photo import image as photo_image
+from ..refine.job import missing
+from .texts import sentence
+
+log = logging.getLogger(__name__)
 
 
 class PlainOperator(Reporter):
-    """A mixin for operators that are done at once: `run` does the work, and a GssmcError of it becomes the report."""
+    """A mixin for operators that are done at once: `run` does the work, and what it raises becomes the report."""
 
     def run(self, context: bpy.types.Context) -> set[str]:
         """The operator's result. Raises GssmcError, with nothing changed."""
@@ -22,10 +28,26 @@ class PlainOperator(Reporter):
             return self.run(context)
         except GssmcError as error:
             return self.refuse(str(error))
+        except Exception as error:
+            log.exception("The work broke off")
+            self.refuse(sentence(error))
+            return {"FINISHED"}  # it may have come in the middle of writing, and so it can be undone
 
     def refuse(self, message: str) -> set[str]:
         self.report({"ERROR"}, message)
         return {"CANCELLED"}
+
+
+class NeedsPhoto(Idle):
+    """A mixin for operators on splat and photo: their button is grey while one of them is not there, and says which."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        lack = missing(context.scene)
+        if lack:
+            cls.poll_message_set(lack)
+            return False
+        return super().poll(context)
 
 
 class FromFile(ImportHelper):

@@ -1,12 +1,19 @@
-"""The text of Report a Problem: versions, and the record of the last refinement. No paths, no pictures."""
+"""The text of Report a Problem: versions, machine, scan, and the record of the last job that refined cameras.
+
+It is pasted where everybody reads it. So no pictures, no poses, and no names nor paths, also none that a sentence quotes.
+"""
 
 from __future__ import annotations
 
 import importlib
 import json
+import os
 import platform
+import re
 import sys
 import tomllib
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +21,35 @@ import bpy
 
 from ...core.pose.report import RefineReport
 from ...core.pose.report_json import report_to_dict
+from ...core.render.memory import machine_bytes
+from ..splat import object as splat_object
 
 MODULES = ("numpy", "cv2", "scipy", "plyfile")
-LEFT_OUT = ("file", "R", "t", "start")
-_last: dict[str, Any] = {}  # of this session; never saved
+TOLD = ("width", "height", "verdict", "reasons", "iterations", "seconds", "quality", "stage", "lens")  # of a report
+TOLD_OF_ITERATION = ("views_used", "matches", "inliers", "epipolar_rms_px")
+QUOTED = re.compile(r"\"[^\"\n]*\"|(?<!\w)'[^'\n]*'(?!\w)")  # names and paths stand in quotes; an apostrophe is none
+PATHS = re.compile(r"\S*[\\/](?:.*[\\/])?\S*")  # from the first path of a line to the last, whatever stands between
+
+
+class _Last:
+    """The last job of this session that refined cameras: its name, and the reports that it filled in; never saved."""
+
+    def __init__(self) -> None:
+        self.job = ""
+        self.reports: Mapping[Any, RefineReport] = {}
+
+
+_last = _Last()
+
+
+def begin(job: str, reports: Mapping[Any, RefineReport] | None = None) -> None:
+    """A job begins: what was kept of the one before goes. `reports`: where it puts its reports, unless it `remember`s them."""
+    _last.job, _last.reports = job, {} if reports is None else reports
 
 
 def remember(report: RefineReport) -> None:
-    """Keeps what the last refinement found, without names and poses."""
-    _last.clear()
-    _last.update({key: value for key, value in report_to_dict(report).items() if key not in LEFT_OUT})
+    """Keeps what a refinement found."""
+    _last.reports = {**_last.reports, len(_last.reports): report}
 
 
 def text(context: bpy.types.Context) -> str:
@@ -34,14 +60,60 @@ def text(context: bpy.types.Context) -> str:
         f"Blender {bpy.app.version_string}, {bpy.app.build_platform.decode(errors='replace')}",
         f"Python {sys.version.split()[0]}, {platform.platform()}",
         *(f"{name} {_version(name)}" for name in MODULES),
-        f"Last message: {context.window_manager.gssmc.message or 'none'}",
-        "Last refinement: " + (json.dumps(_last, indent=1) if _last else "none in this session"),
+        f"Processor: {os.cpu_count()} threads, {machine_bytes() / 1e9:.0f} GB of memory",
+        f"Graphics: {_graphics()}",
+        f"Splat: {_splat(context.scene)}",
+        f"Last message: {without_names(context.window_manager.gssmc.message) or 'none'}",
+        f"Last job: {_summary()}",
     ]
+    if _last.reports:
+        lines.append("Its last record: " + json.dumps(_record(list(_last.reports.values())[-1]), indent=1))
     return "\n".join(lines) + "\n"
+
+
+def without_names(sentence: str) -> str:
+    """The sentence with "..." for each quoted name, and for every path, quoted or not."""
+    return PATHS.sub("...", QUOTED.sub('"..."', sentence))
 
 
 def _version(name: str) -> str:
     try:
         return str(getattr(importlib.import_module(name), "__version__", "of unknown version"))
     except ImportError as error:
-        return f"cannot be loaded ({error})"
+        return f"cannot be loaded ({without_names(str(error))})"
+
+
+def _graphics() -> str:
+    if bpy.app.background:
+        return "none, in background mode"
+    import gpu
+
+    known = gpu.platform
+    return f"{known.renderer_get()}, {known.vendor_get()}, {known.version_get()} ({known.backend_type_get()})"
+
+
+def _splat(scene: bpy.types.Scene) -> str:
+    splat = scene.gssmc.splat
+    if not splat_object.is_splat(splat):
+        return "none"
+    bands, others = splat_object.sh_coefficients(splat), sum(splat_object.is_splat(o) for o in scene.objects if o != splat)
+    words = f"{len(splat.data.points):,} Gaussians, {bands} SH coefficients"
+    return f"{words}; {others} other splats in the scene" if others else words
+
+
+def _summary() -> str:
+    """What the last job was, and what came of it."""
+    if not _last.job:
+        return "none in this session"
+    counts = Counter(report.verdict for report in _last.reports.values())
+    found = ", ".join(f"{counts[verdict]} {verdict}" for verdict in ("trusted", "check", "failed") if counts[verdict])
+    return f"{_last.job}: {found or 'no result'}"
+
+
+def _record(report: RefineReport) -> dict[str, Any]:
+    """A report in the words and figures that are told, which are listed: what is added to it elsewhere stays out."""
+    whole = report_to_dict(report)
+    told = {name: whole[name] for name in TOLD if name in whole}
+    told["reasons"] = [without_names(reason) for reason in report.reasons]
+    told["iterations"] = [{name: step[name] for name in TOLD_OF_ITERATION if name in step} for step in whole["iterations"]]
+    return told

@@ -33,12 +33,6 @@ def is_software() -> bool:
     return any(word in renderer for word in SLOW)
 
 
-def largest_count() -> int:
-    """How many Gaussians the textures can hold."""
-    side = gpu.capabilities.max_texture_size_get()
-    return TABLE_WIDTH * side if side >= TABLE_WIDTH else 0
-
-
 def texture(table: np.ndarray) -> gpu.types.GPUTexture:
     """A float texture of a table (H, W) or (H, W, 4)."""
     data = np.ascontiguousarray(table, np.float32)
@@ -176,13 +170,6 @@ def _over_block(opacity: float, before: Sequence[Before]) -> gpu.types.GPUUnifor
 
 def _columns(matrix: Matrix) -> list[float]:
     return [value for column in matrix.transposed() for value in column]
-
-
-def read_depth() -> np.ndarray:
-    """Depth of the bound framebuffer's viewport, (height, width), 1 where nothing stands."""
-    left, bottom, width, height = gpu.state.viewport_get()
-    buffer = gpu.state.active_framebuffer_get().read_depth(left, bottom, width, height)
-    return np.array(buffer, np.float32, copy=True).reshape(height, width)
 
 
 def read_colour() -> np.ndarray:

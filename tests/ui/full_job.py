@@ -18,7 +18,7 @@ SHADER_COMPILE_S = 40
 
 
 def jobs():
-    return sys.modules["bl_ext.user_default.gssmc.gssmc_addon.jobs"]
+    return sys.modules["bl_ext.user_default.gssmc.gssmc_addon.jobs.slot"]
 
 
 def in_view(operator, *args, **kwargs):

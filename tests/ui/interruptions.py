@@ -18,7 +18,7 @@ JOB_LIMIT_S = 150
 
 
 def jobs():
-    return sys.modules[MODULE + ".gssmc_addon.jobs"]
+    return sys.modules[MODULE + ".gssmc_addon.jobs.slot"]
 
 
 def in_view(operator, *args, **kwargs):

@@ -19,7 +19,7 @@ QUICK = {"long_side_px": 320, "final": "none", "candidates": 4, "iterations": 3}
 
 
 def jobs():
-    return sys.modules["bl_ext.user_default.gssmc.gssmc_addon.jobs"]
+    return sys.modules["bl_ext.user_default.gssmc.gssmc_addon.jobs.slot"]
 
 
 def in_view(operator, *args, **kwargs):

@@ -23,7 +23,7 @@ def in_view(operator, *args, **kwargs):
 
 
 def job():
-    return sys.modules["bl_ext.user_default.gssmc.gssmc_addon.jobs"].active()
+    return sys.modules["bl_ext.user_default.gssmc.gssmc_addon.jobs.slot"].active()
 
 
 def viewport(name):

@@ -8,15 +8,16 @@ from __future__ import annotations
 import argparse
 import os
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from ...batch.keys import Query, query_keys
 from ...batch.queries import find_queries
-from ...batch.store import ResultStore, job_key
+from ...batch.store import ResultStore
 from ...cameras import pose_list
 from ...cameras.files import camera_from_dict, camera_to_dict
-from ...errors import SplatFormatError, UsageError
-from ...geometry.camera import Camera
+from ...errors import UsageError
 from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
 from ...pose.report_json import error_to_dict
@@ -26,6 +27,7 @@ from ...splats import check_splat_file
 from ..console import note, say
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..paths import check_outputs
 from ..progress import ProgressBar
 
 
@@ -51,81 +53,70 @@ def run(args: argparse.Namespace) -> Outcome:
     found = find_queries(args)
     for sentence in found.notes:
         note(sentence)
-    cameras, photos = found.cameras, found.photos
-    masks = _mask_files(args.mask, photos)
+    masks = _mask_files(args.mask, found.photos)
+    queries = [Query(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
     if args.workers < 1:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
-    if args.out.exists() and args.out.samefile(args.queries):
-        raise UsageError("--out is the queries file itself; give another file for the results.")
+    _check_paths(args, queries, settings)
     check_splat_file(args.scene)
-    store = ResultStore(args.out, _keys(args.scene, cameras, photos, masks, settings))
-    resumed = store.resume()
-    if resumed:
-        note(f"{resumed} of {len(cameras)} photos were finished before and are kept.")
-    _work(args, cameras, photos, masks, settings, store)
+    with ResultStore(args.out, query_keys(args.scene, queries, settings)) as store:
+        if store.records:
+            note(f"{len(store.records)} of {len(queries)} photos were finished before and are kept.")
+        _work(args, queries, settings, store)
     verdicts = Counter(record["verdict"] for record in store.records.values())
     say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
-    results = tuple(camera_from_dict(store.records[i]) for i in range(len(cameras)))
+    results = tuple(camera_from_dict(store.records[i]) for i in range(len(queries)))
     if args.poses is not None:
         tried = [camera for i, camera in enumerate(results) if "error" not in store.records[i]]
         pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
-    used = tuple(Path(mask) if mask else None for mask in masks)
-    return Outcome(FAILED_VERDICT if verdicts["failed"] else OK, args.scene, results, tuple(photos), masks=used)
+    code = FAILED_VERDICT if verdicts["failed"] else OK
+    return Outcome(code, args.scene, results, tuple(found.photos), masks=tuple(masks))
 
 
-def _work(
-    args: argparse.Namespace,
-    cameras: list[Camera],
-    photos: list[Path],
-    masks: list[str],
-    settings: RefineSettings,
-    store: ResultStore,
-) -> None:
+def _check_paths(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings) -> None:
+    """Raises UsageError when what is to be written would overwrite what is read."""
+    inputs = {
+        "the scan": args.scene,
+        "the queries file itself": args.queries,
+        "the start poses": args.start,
+        "a photo": [query.photo for query in queries],
+        "a mask": [query.mask for query in queries if query.mask],
+        "a model": [Path(name) for name in (settings.model, settings.matcher_model) if name],
+    }
+    check_outputs({"--out": args.out, "--poses": args.poses}, inputs)
+
+
+def _work(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings, store: ResultStore) -> None:
     jobs = [
-        (i, {"camera": camera_to_dict(c), "photo": str(p), "mask": m or None})
-        for i, (c, p, m) in enumerate(zip(cameras, photos, masks, strict=True))
+        (i, {"camera": camera_to_dict(q.camera), "photo": str(q.photo), "mask": str(q.mask) if q.mask else None})
+        for i, q in enumerate(queries)
         if i not in store.records
     ]
     first = {"scene": str(args.scene.resolve()), "settings": {**asdict(settings), "threads": 1}}
-    dropped = 0
-    lost = lambda i, words: error_to_dict(cameras[i], f"The worker process ended on this photo ({words}).")  # noqa: E731
+    dropped, failed = 0, sum(record["verdict"] == "failed" for record in store.records.values())
+    lost = lambda i, words: error_to_dict(queries[i].camera, f"The worker process ended on this photo ({words}).")  # noqa: E731
     with Pool(first, args.workers) as pool, ProgressBar("Refining") as bar:
 
         def show() -> None:
-            failed = sum(record["verdict"] == "failed" for record in store.records.values())
-            bar.show(len(store.records) / len(cameras), f"{len(store.records)} of {len(cameras)}, {failed} failed")
+            bar.show(len(store.records) / len(queries), f"{len(store.records)} of {len(queries)}, {failed} failed")
 
         def started(left_out: int) -> None:
             nonlocal dropped
             dropped = left_out
-            store.save()  # a place that cannot be written to should be known before hours of work
             show()
 
         for index, record in pool.run(jobs, lost, started):
             store.put(index, record)
+            failed += record["verdict"] == "failed"
             show()
-    store.save()
     if dropped:
         note(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.")
 
 
-def _mask_files(masks: Path | None, photos: list[Path]) -> list[str]:
-    """Each photo's mask, empty where it has none; says how many have one. Raises PhotoError when `masks` does not exist."""
+def _mask_files(masks: Path | None, photos: list[Path]) -> list[Path | None]:
+    """Each photo's mask, None where it has none; says how many have one. Raises PhotoError when `masks` does not exist."""
     if masks is None:
-        return [""] * len(photos)
+        return [None] * len(photos)
     found = [find_mask(masks.resolve(), photo) for photo in photos]
     note(f"{sum(mask is not None for mask in found)} of {len(photos)} photos have a mask; the others are used whole.")
-    return [str(mask or "") for mask in found]
-
-
-def _keys(scene: Path, cameras: list[Camera], photos: list[Path], masks: list[str], settings: RefineSettings) -> list[str]:
-    """Per query, what its answer depends on. Two equal queries share a key, and then an answer."""
-    options = {name: value for name, value in asdict(settings).items() if name != "threads"}
-    try:
-        size = scene.stat().st_size
-    except OSError as error:
-        raise SplatFormatError(f"The splat file '{scene}' cannot be read ({error.strerror}); check the path.") from error
-    return [
-        job_key(scene.name, size, options, camera_to_dict(c), str(p), *([m] if m else []))  # keys of old results stay
-        for c, p, m in zip(cameras, photos, masks, strict=True)
-    ]
+    return found

@@ -17,6 +17,7 @@ from ...geometry.conventions import Similarity
 from ...support.atomic import atomic_write
 from ..console import say
 from ..outcome import OK, Outcome
+from ..paths import check_outputs
 
 SUFFIXES = {".json": "json", ".txt": "poses", "": "colmap"}
 
@@ -36,6 +37,7 @@ def run(args: argparse.Namespace) -> Outcome:
     layout = args.to or SUFFIXES.get(args.out.suffix.lower())
     if layout is None:
         raise DatasetError(f"The ending of '{args.out.name}' tells no layout; say --to {', --to '.join(WRITERS)}.")
+    _check_paths(args, layout)
     world = _world(args.into_training_world, args.out_of_training_world)
     found = starts(args.cameras)
     if world is not None:
@@ -43,6 +45,17 @@ def run(args: argparse.Namespace) -> Outcome:
     WRITERS[layout](args.out, found)
     say(f"{len(found)} cameras were written to '{args.out}'.")
     return Outcome(OK)
+
+
+def _check_paths(args: argparse.Namespace, layout: str) -> None:
+    """Raises UsageError when what is to be written would overwrite what is read."""
+    names = (colmap.CAMERAS, colmap.IMAGES, colmap.POINTS) if layout == "colmap" else ()
+    outputs = {f"The file {name}": args.out / name for name in names} or {"OUT": args.out}
+    # a file of a COLMAP model is read with the cameras beside it
+    beside = args.cameras.iterdir() if args.cameras.is_dir() else (args.cameras.with_name(colmap.CAMERAS),)
+    read = [args.cameras, *beside]
+    worlds = [path for path in (args.into_training_world, args.out_of_training_world) if path is not None]
+    check_outputs(outputs, {"the cameras that are read": read, "the training's world": worlds})
 
 
 def _world(into: Path | None, out_of: Path | None) -> Similarity | None:

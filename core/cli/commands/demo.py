@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ...batch.refine_one import refine_photo
 from ...cameras.files import read_cameras
+from ...errors import UsageError
 from ...geometry.camera import Camera, pose_error
 from ...photos.photo import read_photo
 from ...pictures.chessboard import before_after, save_png
@@ -22,6 +23,9 @@ from ..flags import add_settings_flags, settings_from
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..progress import ProgressBar
 
+RESULT, PICTURE, TRUTH = "result.json", "before_after.png", "truth.json"
+WRITTEN = ("room.ply", "photo.jpg", "start.json", TRUTH, RESULT, PICTURE)
+
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("demo", help="build the sample scene and refine a photo of it")
@@ -31,6 +35,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def run(args: argparse.Namespace) -> Outcome:
+    _check_folder(args.out)
     sample = write_sample(args.out)
     scene, photo = read_splats(sample.scene), read_photo(sample.photo)
     start = replace(read_cameras(sample.start)[0], file=str(sample.photo))
@@ -40,13 +45,20 @@ def run(args: argparse.Namespace) -> Outcome:
             report = refine_photo(renderer, photo, start, settings, lambda p: bar.show(p.fraction, p.step))
             bar.show(1.0, report.verdict)
         picture = before_after(renderer, photo, start, report.camera)
-    (args.out / "result.json").write_text(json.dumps(report_to_dict(report), indent=1) + "\n")
-    save_png(str(args.out / "before_after.png"), picture)
+    (args.out / RESULT).write_text(json.dumps(report_to_dict(report), indent=1) + "\n")
+    save_png(str(args.out / PICTURE), picture)
     say(f"{len(scene)} Gaussians, photo {photo.width} x {photo.height}; files are in {args.out}")
     say(errors(sample, start, report))
     return Outcome(
         FAILED_VERDICT if report.verdict == "failed" else OK, sample.scene, (report.camera,), (sample.photo,), (report,)
     )
+
+
+def _check_folder(folder: Path) -> None:
+    """Raises UsageError when the folder has files of the demo's names that no earlier demo wrote."""
+    taken = [name for name in WRITTEN if (folder / name).exists()]
+    if taken and TRUTH not in taken:
+        raise UsageError(f"'{folder}' has a {taken[0]} that is no demo's; give another folder with --out DIR.")
 
 
 def errors(sample: SampleFiles, start: Camera, report: RefineReport) -> str:

@@ -23,6 +23,7 @@ from ..console import note, say
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..notes import say_dropped
 from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..paths import check_outputs
 from ..progress import ProgressBar
 
 
@@ -41,8 +42,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args)
-    photo = read_photo(args.photo)
     mask = None if args.mask is None else _mask(args.mask, args.photo)
+    models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
+    inputs = {"the scan": args.scene, "the photo": args.photo, "the start": args.camera, "the mask": mask, "a model": models}
+    check_outputs({"--out": args.out}, inputs)
+    photo = read_photo(args.photo)
     if mask is not None:
         photo = masked(photo, mask)
     for remark in photo.notes:
@@ -58,11 +62,19 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.out is None:
         say(text)
     else:
-        with atomic_write(args.out) as file:
-            file.write(text + "\n")
+        _write(args.out, text)
         say(summary(report))
     code = FAILED_VERDICT if report.verdict == "failed" else OK
     return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,), (mask,))
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        with atomic_write(path) as file:
+            file.write(text + "\n")
+    except OSError:
+        say(text)  # what was found is not lost
+        raise
 
 
 def _mask(masks: Path, photo: Path) -> Path:

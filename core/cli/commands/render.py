@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import statistics
 import time
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ import cv2
 import numpy as np
 
 from ...cameras.files import read_cameras
+from ...errors import UsageError
 from ...geometry.camera import Camera
 from ...render import RenderedView, Renderer, RenderSettings
 from ...splats import read_splats
@@ -21,6 +23,7 @@ from ..console import say
 from ..flags import SCENE_HELP
 from ..notes import say_dropped
 from ..outcome import OK, Outcome
+from ..paths import check_outputs
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -33,18 +36,23 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--repeat", type=int, default=0, metavar="N", help="draw N times, print the median ms per frame as JSON"
     )
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="CPU threads, 0 = all cores (0)")
-    parser.add_argument("--near", type=float, default=RenderSettings.near, metavar="D", help="near plane in scene units (0.2)")
+    near = "near plane in scene units (as a refinement has it: 0.2, or nearer in a small scan)"
+    parser.add_argument("--near", type=float, metavar="D", help=near)
     return parser
 
 
 def run(args: argparse.Namespace) -> Outcome:
+    if args.near is not None and not 0 < args.near < math.inf:
+        raise UsageError(f"--near is {args.near:g}; give a distance above 0 in scene units.")
     cameras = read_cameras(args.cameras)
+    names = output_names(cameras, args.cameras.stem)
+    _check_paths(args, cameras, names)
     scene = read_splats(args.scene)
     say_dropped(scene)
-    renderer = Renderer(scene, RenderSettings(near=args.near, threads=max(0, args.threads)))
+    renderer = Renderer(scene, RenderSettings.for_scene(scene, max(0, args.threads), args.near))
     args.outdir.mkdir(parents=True, exist_ok=True)
     milliseconds: list[float] = []
-    for camera, name in zip(cameras, output_names(cameras, args.cameras.stem), strict=True):
+    for camera, name in zip(cameras, names, strict=True):
         view = renderer.render(camera.intrinsics, camera.pose)
         write_view(args.outdir / name, view, args.npz)
         milliseconds += _time(renderer, camera, args.repeat)
@@ -54,14 +62,26 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(OK, args.scene, tuple(cameras))
 
 
+def _check_paths(args: argparse.Namespace, cameras: Sequence[Camera], names: Sequence[str]) -> None:
+    """Raises UsageError when a picture would overwrite the photo of a camera, or another file that is read."""
+    photos = [args.cameras.resolve().parent / camera.file for camera in cameras if camera.file]
+    suffixes = (".png", ".npz") if args.npz else (".png",)
+    outputs = {f"The picture {name}{suffix}": args.outdir / (name + suffix) for name in names for suffix in suffixes}
+    check_outputs(outputs, {"the scan": args.scene, "the cameras": args.cameras, "a photo": photos})
+
+
 def output_names(cameras: Sequence[Camera], fallback: str) -> list[str]:
     """The stem of each camera's file, made unique by a number where two share it; `fallback` where it has none."""
     names: list[str] = []
+    numbers: dict[str, int] = {}  # per stem, the last that was given; systems differ in whether A.png is a.png
+    taken: set[str] = set()
     for camera in cameras:
         stem = Path(camera.file.replace("\\", "/")).stem or fallback
-        name, number = stem, 2
-        while name in names:
-            name, number = f"{stem}_{number}", number + 1
+        name = stem
+        while name.casefold() in taken:
+            numbers[stem] = numbers.get(stem, 1) + 1
+            name = f"{stem}_{numbers[stem]}"
+        taken.add(name.casefold())
         names.append(name)
     return names
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...geometry.conventions import from_opencv_pixels
 from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
 
@@ -30,7 +31,7 @@ class Akaze:
         points, descriptors = detect(akaze, grey)
         if descriptors is None:
             return no_features(size, DESCRIPTOR_BYTES, binary=True)
-        xy = np.array([point.pt for point in points], np.float64) + 0.5  # OpenCV puts the centre of the first pixel at 0
+        xy = from_opencv_pixels([point.pt for point in points])
         found = Features(xy, descriptors.astype(np.uint8), size)
         strongest = np.argsort([-point.response for point in points], kind="stable")[: self.max_features]
         return found.take(strongest).where(mask)

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...geometry.conventions import from_opencv_pixels
 from ..nets.input import inside, pad_to_multiple, unit_rows
 from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
@@ -35,7 +36,7 @@ class Aliked:
             return no_features((width, height), 1)
         # The network counts from the first pixel's centre to the last one's, n = 2 x / (side - 1) - 1; OpenCV takes that for
         # edge to edge and returns (n + 1) / 2 * side, up to a pixel too far.
-        xy = np.array([point.pt for point in points], np.float64) / side * (side - 1) + 0.5
+        xy = from_opencv_pixels(np.array([point.pt for point in points], np.float64) / side * (side - 1))
         strong = np.array([point.response for point in points]) >= MIN_SCORE
         found = Features(xy, unit_rows(descriptors.astype(np.float32)), (width, height))
         return found.take(strong & inside(xy, (width, height))).where(mask)

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...geometry.conventions import from_opencv_pixels
 from ..nets.input import inside, pad_to_multiple, unit_rows
 from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
@@ -31,6 +32,6 @@ class Disk:
         points, descriptors = detect(disk, cv2.cvtColor(padded, cv2.COLOR_GRAY2BGR))
         if descriptors is None:
             return no_features((width, height), 1)
-        xy = np.array([point.pt for point in points], np.float64) + 0.5  # the network's places are pixel indices
+        xy = from_opencv_pixels([point.pt for point in points])
         found = Features(xy, unit_rows(descriptors.astype(np.float32)), (width, height))
         return found.take(inside(xy, (width, height))).where(mask)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...geometry.conventions import HALF_PIXEL
 from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
 
@@ -35,5 +36,5 @@ class Orb:
         # OpenCV multiplies a level's pixel index by the level's scale, though it is the pixel's edge that scales: with the
         # centre of the first pixel at 0.5 the place is (index + 0.5) * scale.
         scale = SCALE ** np.array([point.octave for point in points], np.float64)[:, None]
-        xy = np.array([point.pt for point in points], np.float64) + 0.5 * scale
+        xy = np.array([point.pt for point in points], np.float64) + HALF_PIXEL * scale
         return Features(xy, descriptors.astype(np.uint8), size).where(mask)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...geometry.conventions import from_opencv_pixels
 from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
 
@@ -30,6 +31,6 @@ class RootSift:
         points, descriptors = detect(sift, grey)
         if descriptors is None:
             return no_features(size, DESCRIPTOR_SIZE)
-        xy = np.array([point.pt for point in points], np.float64) + 0.5  # OpenCV puts the centre of the first pixel at 0
+        xy = from_opencv_pixels([point.pt for point in points])
         root = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12))
         return Features(xy, root.astype(np.float32), size).where(mask)

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from ...errors import FeatureError
+from ...geometry.conventions import from_opencv_pixels
 from ..nets.input import inside, pad_to_multiple, unit_rows
 from ..types import Features, Grey, Mask, no_features
 
@@ -44,7 +45,7 @@ class SuperPoint:
             raise FeatureError("Its places run from -1 to 1, as ALIKED's do, and SuperPoint's are pixels.")
         if count == 0:
             return no_features((width, height), 256)
-        xy = points.reshape(count, 2).astype(np.float64) + 0.5  # the network's places are pixel indices
+        xy = from_opencv_pixels(points.reshape(count, 2))
         found = Features(xy, unit_rows(rows.reshape(count, -1).astype(np.float32)), (width, height))
         strongest = np.argsort(-scores.ravel(), kind="stable")[: self.max_features]
         found = found.take(strongest)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import FeatureError
+from ...geometry.conventions import to_opencv_pixels
 from ..types import Features, Matches, no_matches
 
 MIN_FEATURES = 2
@@ -52,7 +53,7 @@ class LightGlue:
 def _normalised(features: Features) -> NDArray[np.float32]:
     """Keypoints (N, 2) float32 about the image's middle, in halves of its long side: what the published networks take."""
     size = np.array(features.size, np.float64)
-    return np.ascontiguousarray((features.keypoints - 0.5 - size / 2) / (size.max() / 2), np.float32)
+    return np.ascontiguousarray((to_opencv_pixels(features.keypoints) - size / 2) / (size.max() / 2), np.float32)
 
 
 def _pairs(matches: NDArray[Any], scores: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:

@@ -11,8 +11,9 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ...errors import FeatureError
+from ...processes.channel import Channel, ChildEndedError
 from ...processes.child import Child
-from ...processes.wire import Arrays, Header, WireError, receive, send
+from ...processes.wire import Arrays, Header, WireError
 from ..types import Features, Grey, Mask, Matches, no_features, no_matches
 from .messages import pack_features, unpack_features, unpack_matches
 
@@ -22,6 +23,7 @@ LIMIT_S = 300.0  # for one image or pair; a graph that needs more hangs
 # Division by zero, as POSIX and Windows tell it. OpenCV 5.0 dies of it where a network finds nothing and gathers zero rows: an
 # empty answer, and no broken model.
 FOUND_NOTHING = frozenset({-8, 0xC0000094, 0xC0000094 - (1 << 32)})
+ENDED = "The refinement has ended, and the model's process with it."
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class NetProcess:
         self._start = start
         self._turn = threading.Lock()  # one request at a time
         self._guard = threading.Lock()  # of the two below
-        self._child: Child | None = None
+        self._channel: Channel | None = None
         self._closed = False
 
     def ask(self, model: str, header: Header, arrays: Sequence[NDArray[Any]]) -> tuple[Header, Arrays] | None:
@@ -56,69 +58,55 @@ class NetProcess:
         Raises FeatureError when the network does not work, ended its process, took too long, or this was closed.
         """
         with self._turn:
-            child = self._living()
-            late = threading.Event()
-            timer = threading.Timer(self._limit_s, _end_late, (child, late))
-            timer.daemon = True
-            timer.start()
+            channel, fresh = self._living()
             try:
-                send(child.stdin, header, arrays)
-                answer = receive(child.stdout)
-            except (OSError, ValueError, WireError):
-                answer = None
-            finally:
-                timer.cancel()
-            if answer is None:
-                self._bury(child, model, late.is_set())
+                if fresh:
+                    channel.ask(vars(self._nets), limit_s=self._limit_s)
+                answer = channel.ask(header, arrays, limit_s=self._limit_s)
+            except ChildEndedError as end:
+                self._judge(end, model)
                 return None
-            if "error" in answer[0]:
-                raise FeatureError(f"The model '{model}' does not work: {answer[0]['error']}")
-            return answer
+        if "error" in answer[0]:
+            raise FeatureError(f"The model '{model}' does not work: {answer[0]['error']}")
+        return answer
 
     def close(self) -> None:
         """Ends the process at once, also in the middle of a request; later requests are refused. Harmless when repeated."""
         with self._guard:
             self._closed = True
-            child, self._child = self._child, None
-        if child is not None:
-            child.kill()
-            with self._turn:  # whoever waits for an answer has left the pipes now
-                child.close()
+            channel, self._channel = self._channel, None
+        if channel is not None:
+            channel.close()
 
-    def _living(self) -> Child:
+    def _living(self) -> tuple[Channel, bool]:
+        """The channel, and whether its process is a new one. Raises FeatureError."""
         with self._guard:
             if self._closed:
-                raise FeatureError("The refinement has ended, and the model's process with it.")
-            if self._child is None:
-                try:
-                    self._child = self._start("features.nets.worker")
-                    send(self._child.stdin, vars(self._nets))
-                except OSError as error:
-                    raise FeatureError(f"The process for the model cannot be started ({error.strerror or error}).") from error
-            return self._child
+                raise FeatureError(ENDED)
+            if self._channel is not None:
+                return self._channel, False
+            try:
+                self._channel = Channel(self._start("features.nets.worker"))
+            except OSError as error:
+                raise FeatureError(f"The process for the model cannot be started ({error.strerror or error}).") from error
+            return self._channel, True
 
-    def _bury(self, child: Child, model: str, late: bool) -> None:
-        """Ends what is left of a child that gave no answer; raises FeatureError unless it only found nothing."""
+    def _judge(self, end: ChildEndedError, model: str) -> None:
+        """Forgets a process that has ended, so that the next request gets a new one; raises FeatureError unless its network
+        only found nothing.
+        """
         with self._guard:
-            closed = self._closed
-            self._child = None
-        if closed:
-            raise FeatureError("The refinement has ended, and the model's process with it.")
-        code = child.exit_code(1.0)
-        child.kill()
-        words = child.last_words()
-        child.close()
-        if late:
-            raise FeatureError(f"The model '{model}' gave no answer in {self._limit_s:.0f} s; use another file.")
-        if code in FOUND_NOTHING:
+            self._channel = None
+            if self._closed:
+                raise FeatureError(ENDED) from None
+        if end.late:
+            raise FeatureError(f"The model '{model}' gave no answer in {self._limit_s:.0f} s; use another file.") from None
+        if end.code in FOUND_NOTHING:
             log.info("%s found nothing and ended its process", model)
             return
-        raise FeatureError(f"The model '{model}' ended the process that ran it ({words}); use another file or other features.")
-
-
-def _end_late(child: Child, late: threading.Event) -> None:
-    late.set()
-    child.kill()
+        raise FeatureError(
+            f"The model '{model}' ended the process that ran it ({end}); use another file or other features."
+        ) from None
 
 
 @dataclass(frozen=True)

@@ -1,53 +1,38 @@
-"""The process that runs foreign networks, started by net_process: a graph that kills it costs one request, not Blender.
+"""The process that runs foreign networks, started by nets/process.py: a graph that kills it costs one request, not Blender.
 
-The first message is {"extractor", "model", "matcher", "matcher_model", "threads"}; each further one is {"do": "extract"} with a
-grey image, answered by features, or {"do": "match", "a", "b"} with two sets of features, answered by matches. What OpenCV
-refuses is answered by {"error": what it said}. The process ends when its input does, at once, whatever it is doing.
+The first message is {"extractor", "model", "matcher", "matcher_model", "threads"}, answered by {} once the networks are there;
+each further one is {"do": "extract"} with a grey image, answered by features, or {"do": "match", "a", "b"} with two sets of
+features, answered by matches. What OpenCV refuses is answered by {"error": what it said}. The process ends when its input
+does, at once, whatever it is doing.
 """
 
 from __future__ import annotations
 
 import os
-import queue
 import sys
-import threading
-from io import BufferedIOBase
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from ...errors import FeatureError
-from ...processes.child import pipes
-from ...processes.wire import Arrays, Header, WireError, receive, send
+from ...processes.requests import Message, Requests
+from ...processes.wire import WireError
 from ..registry import EXTRACTORS, MATCHERS
 from ..types import Extractor, Matcher
 from .messages import pack_features, unpack_features
 
-Message = tuple[Header, Arrays]
-
 
 def main() -> int:
     """Serve requests from stdin on stdout."""
-    asked, answers = pipes()
-    requests: queue.SimpleQueue[Message] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(asked, requests), daemon=True).start()
-    first, _ = requests.get()
+    requests = Requests()
+    first, _ = requests.next()
     cv2.setNumThreads(int(first["threads"]) or os.cpu_count() or 1)
     extractor = EXTRACTORS[first["extractor"]].make(Path(first["model"])) if first["extractor"] else None
     matcher = MATCHERS[first["matcher"]].make(Path(first["matcher_model"])) if first["matcher"] else None
+    requests.answer({})
     while True:
-        header, arrays = _answer(requests.get(), extractor, matcher)
-        send(answers, header, arrays)
-
-
-def _listen(stream: BufferedIOBase, requests: queue.SimpleQueue[Message]) -> None:
-    """Passes requests on; the end of the input ends the process even in the middle of a network that never comes back."""
-    try:
-        while (message := receive(stream)) is not None:
-            requests.put(message)
-    finally:
-        os._exit(0)
+        requests.answer(*_answer(requests.next(), extractor, matcher))
 
 
 def _answer(request: Message, extractor: Extractor | None, matcher: Matcher | None) -> Message:

@@ -12,14 +12,15 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...features.subpixel import SubpixelAligner, normalise_locally
 from ...geometry.camera import FloatArray, Pose
+from ...geometry.conventions import from_opencv_pixels
 from ...render.view import RenderedView, ViewRenderer
-from ..search.observe import MIN_ALPHA, MIN_DEPTH_STD_RATIO, grey_of
+from ..search.observe import grey_of
 from ..search.solve import gate
 from ..shared.matches import BoolArray, ViewMatches, bearings
+from ..shared.surface import depth_at, solid_part
 from ..shared.working import WorkingPhoto
 
 MAX_CORNERS = 1500
@@ -32,7 +33,7 @@ BORDER_PX = 4
 GATE_PX = 4.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Corners:
     """Corners of the photo: `pixels` (N, 2) in the undistorted photo, `world` (N, 3) what the splat shows there."""
 
@@ -42,7 +43,7 @@ class Corners:
 
 def pick_corners(photo: WorkingPhoto, pose: Pose, view: RenderedView) -> Corners:
     """Corners where the render at `pose` is opaque and the photo may be used."""
-    solid = view.alpha >= MIN_ALPHA
+    solid = solid_part(view)
     if photo.usable is not None:
         solid = solid & photo.usable
     side = 2 * BORDER_PX + 1
@@ -50,8 +51,8 @@ def pick_corners(photo: WorkingPhoto, pose: Pose, view: RenderedView) -> Corners
     spacing = max(photo.raw.shape) * SPACING
     # None where nothing is found, whatever its stub says.
     found: Any = cv2.goodFeaturesToTrack(photo.aligned, MAX_CORNERS, CORNER_QUALITY, spacing, mask=mask)
-    pixels = np.zeros((0, 2)) if found is None else np.asarray(found, np.float64).reshape(-1, 2) + 0.5
-    depth = sample(view.depth, pixels)
+    pixels = np.zeros((0, 2)) if found is None else from_opencv_pixels(np.reshape(found, (-1, 2)))
+    depth, _ = depth_at(view, pixels)
     rays = bearings(photo.pinhole.normalise(pixels))
     return Corners(pixels, (rays * depth[:, None] - pose.t) @ pose.R)
 
@@ -72,9 +73,7 @@ def match_corners(
     aligner = SubpixelAligner(window_px=window, max_move_px=max(MIN_MOVE_PX, long_side * MOVE))
     pixels, good = aligner.align(photo.aligned, normalise_locally(grey_of(view)), start, guess)
     start, pixels = start[good], pixels[good]
-    depth = np.where(sample(view.alpha, pixels) > MIN_ALPHA, sample(view.depth, pixels), np.nan)
-    std = np.sqrt(np.maximum(sample(view.depth_variance, pixels), 0.0))
-    std = np.maximum(std, MIN_DEPTH_STD_RATIO * depth)
+    depth, std = depth_at(view, pixels)
     matches = ViewMatches(at, k.normalise(start), k.normalise(pixels), depth, std, reference)
     matches = matches.take(np.isfinite(depth) & (depth > 0))
     return matches.take(gate(pose, matches, k.matrix, GATE_PX))
@@ -87,12 +86,3 @@ def _predicted(photo: WorkingPhoto, at: Pose, world: FloatArray) -> tuple[FloatA
     with np.errstate(invalid="ignore"):
         inside = (pixels > 0).all(1) & (pixels < (k.width, k.height)).all(1)
     return pixels, np.asarray(inside)
-
-
-def sample(image: NDArray[np.float32], pixels: FloatArray) -> FloatArray:
-    """`image` (H, W) at `pixels` (N, 2), bilinear, as float64 (N,)."""
-    if len(pixels) == 0:
-        return np.zeros(0)
-    at = np.ascontiguousarray(pixels - 0.5, np.float32)  # OpenCV puts the centre of the first pixel at 0
-    found = cv2.remap(image, at[:, :1], at[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(found, np.float64).ravel()

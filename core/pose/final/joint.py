@@ -14,7 +14,8 @@ from ...geometry.camera import FloatArray, Intrinsics
 from ..shared.least_squares import NormalEquations, levenberg_marquardt
 from ..shared.lens import FREE, PRIOR_STD, LensCamera, LensMode, lens_difference
 from ..shared.matches import ViewMatches, bearings
-from .reprojection import Lifted, apply, reproject, robust_across_px, whitening
+from ..shared.robust import robust_std
+from .reprojection import Lifted, apply, reproject, whitening
 
 Stage = Literal["joint", "epipolar", "depth"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
@@ -26,7 +27,7 @@ CELL_CORRELATION = 0.3  # variance that matches of one cell share, as a share of
 BLOCK = 1024  # columns of one matrix product
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointProblem:
     """M matches of V views, with density weights (M,); `prior` is the lens as it was given. counts (V,): matches of each view,
     which stand one after the other.
@@ -64,10 +65,10 @@ class JointProblem:
     def deviations_px(self, across: FloatArray) -> FloatArray:
         """Robust deviation (M,), the same for all matches of a view, of the residuals `across` (M,) their lines, pixels."""
         views = np.split(across, np.cumsum(self.counts)[:-1])
-        return np.repeat([robust_across_px(a) for a in views], self.counts)
+        return np.repeat([robust_std(a) for a in views], self.counts)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class JointFit:
     """The fitted camera, and how well it holds; of which problem, by which stage.
 

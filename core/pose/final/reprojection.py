@@ -20,12 +20,11 @@ from ...geometry.camera import FloatArray
 from ..shared.lens import LensCamera
 from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 
-MIN_SIGMA_PX = 0.15  # no match is known better than a keypoint is
 MIN_DEPTH = 1e-12
 MIN_LENGTH = 1e-9  # of a line, pixels per scene unit; below it is what rounding leaves of none
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lifted:
     """M matches of any number of views, in the world.
 
@@ -51,7 +50,7 @@ class Lifted:
         return Lifted(self.points[:, keep], self.rays[:, keep], self.depth_std[keep], self.seen[:, keep])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reprojection:
     """Of M matches, in pixels of the distorted photo.
 
@@ -134,8 +133,3 @@ def whitening(r: Reprojection, sigma_px: FloatArray | float, sigma_depth: FloatA
     along = e / np.sqrt(sigma_px**2 + spread**2)
     across = e / sigma_px
     return np.array([[-across[1], along[0]], [across[0], along[1]]])
-
-
-def robust_across_px(across: FloatArray) -> float:
-    """Deviation of residuals across the line (M,) (1.4826 median), with a floor, pixels."""
-    return max(MIN_SIGMA_PX, 1.4826 * float(np.median(np.abs(across)))) if len(across) else MIN_SIGMA_PX

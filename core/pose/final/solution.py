@@ -14,17 +14,15 @@ from ..shared.matches import ViewMatches
 from .joint import JointFit, Stage
 
 SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
-# The fit's covariance knows the noise of the matches, not where the splat itself is off, which all views share: on two scans
-# the errors of pose and focal length were 1.8 and 2.3 times (RMS) what it said.
-SHARED_ERROR = 2.0
 
 
 @dataclass(frozen=True)
 class Solution:
     """`camera`: pose and intrinsics of the image that was matched. `stage`: which fit gave it ("epipolar", "depth", "joint", or
-    "loop" where the loop's own answer stands). rms_px: residuals across the epipolar lines, of that image's pixels.
-    translation_std (scene units), rotation_std_deg, focal_std (share of the focal length, NaN when it was not solved for): from
-    the fit's covariance, infinite where a direction is unseen. apart, apart_deg: distance between the answers of two halves of
+    "loop" where the loop's own answer stands). rms_px: residuals across the epipolar lines, in pixels of the image that was
+    matched, whose size is that of the intrinsics. translation_std_units (scene units), rotation_std_deg, focal_std (share of
+    the focal length, NaN when it was not solved for): from the fit's covariance, which knows the noise of the matches and
+    nothing else; infinite where a direction is unseen. apart_units, apart_deg: distance between the answers of two halves of
     the views, scene units and degrees, NaN with fewer than four views. mode: what of the lens was solved for. lens_gain: by
     what share (0..1) rms_px falls where focal length, k1 and k2 are free; 0 when they were, or after the loop alone.
     """
@@ -32,10 +30,10 @@ class Solution:
     camera: LensCamera
     stage: Stage | str
     rms_px: float
-    translation_std: float
+    translation_std_units: float
     rotation_std_deg: float
     focal_std: float
-    apart: float
+    apart_units: float
     apart_deg: float
     mode: LensMode
     lens_gain: float = 0.0
@@ -57,7 +55,7 @@ def from_joint(fit: JointFit, depth: float) -> Solution:
     if len(fit.problem.counts) >= 4:
         a, b = fit.halves()
         apart = pose_error(a.pose, b.pose)
-    translation, rotation, focal = _deviations(fit.information / SHARED_ERROR**2, depth)
+    translation, rotation, focal = _deviations(fit.information, depth)
     return Solution(fit.camera, fit.stage, fit.rms_px, translation, rotation, focal, *apart, fit.problem.mode, fit.lens_gain)
 
 

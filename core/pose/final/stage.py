@@ -13,10 +13,10 @@ import numpy as np
 from ...geometry.camera import Intrinsics, Pose, pose_error
 from ...render.view import ViewRenderer, alone
 from ..search.hypotheses import candidate_poses
-from ..search.observe import MIN_ALPHA
 from ..settings import RefineSettings
 from ..shared.lens import LensCamera, LensMode
 from ..shared.matches import ViewMatches
+from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
 from .guided import Corners, follow, match_corners, pick_corners
 from .joint import STAGES, JointFit, JointProblem, Stage, fit_joint, held_out_px
@@ -91,7 +91,7 @@ def _pass(
     yield "rendering the photo's view"
     view = alone(renderer).render(photo.pinhole, pose)
     corners = pick_corners(photo, pose, view)
-    solid = view.alpha >= MIN_ALPHA
+    solid = solid_part(view)
     depth = float(np.median(view.depth[solid])) if solid.any() else 0.0
     if len(corners.pixels) < MIN_CORNERS or depth <= 0:
         return None

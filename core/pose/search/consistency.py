@@ -24,7 +24,7 @@ MIN_DIRECTION_SCALE_RAD = 2e-3
 MIN_RAY_ANGLE_DEG = 1.0  # two rays closer than this do not fix a centre
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Consensus:
     """Coarse pose, the distances s_s (V,) along each view's ray (scene units), and the robust weight (V,) 0..1 of each view."""
 

@@ -14,6 +14,7 @@ import numpy as np
 from ...geometry.camera import FloatArray, Pose
 from ...geometry.lie import hat, se3_exp
 from ..shared.matches import ViewMatches, world_points
+from ..shared.robust import robust_std
 
 MIN_POINTS = 12
 RANSAC_PX = 6.0  # wide: the depth of another view is off by more than a keypoint is
@@ -95,7 +96,7 @@ def _polish(
         if len(r) < MIN_POINTS:
             break
         distance = np.linalg.norm(r, axis=1)
-        weight = 1 / (1 + (distance / max(MIN_SIGMA_PX, 1.4826 * float(np.median(distance)))) ** 2) ** 2
+        weight = 1 / (1 + (distance / robust_std(distance, MIN_SIGMA_PX)) ** 2) ** 2
         J = _jacobian(p, scale, focal)[:, :, :count]
         H = np.einsum("nij,nik,n->jk", J, J, weight) + 1e-12 * np.eye(count)
         step = -np.linalg.solve(H, np.einsum("nij,ni,n->j", J, r, weight))

@@ -16,7 +16,7 @@ from ..report import IterationRecord, RefineProgress
 from ..settings import RefineSettings
 from ..shared.lens import LensMode
 from ..shared.matches import ViewMatches
-from ..verdict.verify import compare
+from ..verdict.verify import FinalView, compare
 from .epipolar import EpipolarFit, measure_epipolar
 from .focal import refocus
 from .hypotheses import GAUSSIAN_LENGTH, candidate_poses
@@ -25,6 +25,10 @@ from .solve import UsableView, coarse_pose, fine_matches, fine_pose, keep_distan
 
 MIN_OPAQUE = 0.02  # a reference view with less of the scan in it looks away from it
 LOOKS_AWAY = "The start camera sees almost nothing of the splat; turn it towards the scene and refine again."
+TOO_FEW = (
+    "Too few matches between the photo and the splat: the photo may show another place, or the start is too far off; "
+    "move the camera closer to the photo's view and refine again."
+)
 WIDEN = 3.0
 MAX_SPREAD = 0.3  # of the median depth; beyond, the candidates leave the place
 MAX_SPREAD_DEG = 20.0
@@ -47,13 +51,16 @@ class Answer:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the iterations came to: an answer, or one sentence that says what was missing. `start_agreement` is the share of
-    the photo's corners that already sat on the render at the start.
+    """What the iterations came to: an answer, or one sentence that says what was missing, with the figures of it in `details`.
+
+    `start`: how the splat sat on the photo at the start camera, `start_depth` the median depth there, scene units.
     """
 
     answer: Answer | None
-    problem: str
-    start_agreement: float
+    problem: str = ""
+    details: tuple[str, ...] = ()
+    start: FinalView | None = None
+    start_depth: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -104,19 +111,21 @@ class Loop:
         """Iterates from `start` and returns the best answer; appends to `records`."""
         settings, prior = self.settings, query.image.intrinsics
         fan = narrow = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
-        pose, best, problem, agreement, loop = start, None, "", 0.0, self
+        pose, best, loop, out = start, None, self, Outcome(None)
         for index in range(settings.iterations):
             observations = yield from loop._observe(query, pose, fan, index, rng)
             if not observations:
-                return Outcome(best, LOOKS_AWAY, agreement)
+                return replace(out, answer=best, problem=LOOKS_AWAY, details=())
+            reference = observations[0]
             if index == 0:
-                agreement = compare(query.image, observations[0].grey, observations[0].solid).agreement
+                seen = compare(query.image, reference.grey, reference.solid)
+                out = replace(out, start=seen, start_depth=reference.median_depth)
             step = loop._solve(query, prior, observations, pose, index, first=best is None)
             records.append(step.record)
             yield self._progress(index + 1, "iteration done", index + 1, step.record)
             query, found = step.query, step.found
             if found is None:
-                problem = _too_few(observations, step.record)
+                out = replace(out, problem=TOO_FEW, details=(_figures(observations, step.record),))
                 fan, pose = (narrow if step.refocused else fan.wider()), step.record.pose
                 loop, query = loop.stronger(query, step.record.views_used, len(observations))
                 continue
@@ -126,7 +135,7 @@ class Loop:
             if settings.multiview and fan == narrow and _inside_fan(found, moved_from, self._sigma(fan, found.median_depth)):
                 break
             fan = narrow
-        return Outcome(best, problem, agreement)
+        return replace(out, answer=best)
 
     def _progress(self, iteration: int, step: str, done: float, record: IterationRecord | None = None) -> RefineProgress:
         return RefineProgress(iteration, self.settings.iterations, step, LOOP_SHARE * done / self.settings.iterations, record)
@@ -176,7 +185,7 @@ class Loop:
         inliers = sum(len(v) for v in views)
         if fit is None:
             return Step(query, None, IterationRecord(index, len(usable), matches, inliers, float("nan"), coarse))
-        record = IterationRecord(index, len(usable), matches, inliers, fit.rms_px, fit.pose)
+        record = IterationRecord(index, len(usable), matches, inliers, query.image.photo_px * fit.rms_px, fit.pose)
         return Step(query, Answer(fit, tuple(views), observations[0].median_depth, query.image.intrinsics), record)
 
     def _fit(
@@ -201,10 +210,10 @@ def searching(frontend: Frontend) -> Frontend:
     return frontend
 
 
-def _too_few(observations: Sequence[Observation], record: IterationRecord) -> str:
+def _figures(observations: Sequence[Observation], record: IterationRecord) -> str:
     return (
-        f"Too few matches: {record.matches} over {len(observations)} views, {record.views_used} of them usable; "
-        "the photo may show another place, or the start is too far off: move the camera closer to the photo's view."
+        f"The photo has {record.matches} matches with {len(observations)} rendered views, and {record.views_used} of the views "
+        "hold a pose."
     )
 
 

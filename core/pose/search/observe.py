@@ -16,10 +16,8 @@ from ...geometry.camera import FloatArray, Intrinsics, Pose
 from ...photos.photo import Photo
 from ...render.view import RenderedView, ViewRenderer
 from ..shared.matches import BoolArray, ViewMatches
+from ..shared.surface import depth_at, solid_part
 from ..shared.working import GreyImage, WorkingPhoto
-
-MIN_ALPHA = 0.5  # below this a pixel of the render shows the background as much as the scan
-MIN_DEPTH_STD_RATIO = 1e-3
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class Query:
         return Query(self.image.with_intrinsics(k), self.features)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Observation:
     """One rendered view and its matches with the photo. `camera` is the pinhole it was drawn with, `grey` (H, W) uint8 the
     render, `solid` (H, W) where it is opaque, `median_depth` over that (NaN when there is none), scene units.
@@ -82,24 +80,15 @@ def observe(renderer: ViewRenderer, query: Query, pose: Pose, reference: bool, f
     pinhole = query.pinhole
     view = renderer.render(pinhole, pose)
     grey = grey_of(view)
-    solid = view.alpha >= MIN_ALPHA
+    solid = solid_part(view)
     features = frontend.extractor.extract(grey, solid)
     pairs = frontend.matcher.match(query.features, features).indices
     pairs = _distinct(pairs, query.features.keypoints, features.keypoints)
     pixels = features.keypoints[pairs[:, 1]]
-    cell = np.clip(pixels.astype(np.intp), 0, (pinhole.width - 1, pinhole.height - 1))
-    depth = view.depth[cell[:, 1], cell[:, 0]].astype(np.float64)
-    std = np.sqrt(np.maximum(view.depth_variance[cell[:, 1], cell[:, 0]], 0)).astype(np.float64)
-    matches = ViewMatches(
-        pose,
-        query.points[pairs[:, 0]],
-        pinhole.normalise(pixels),
-        depth,
-        np.maximum(std, MIN_DEPTH_STD_RATIO * depth),
-        reference,
-    )
+    depth, std = depth_at(view, pixels)
+    matches = ViewMatches(pose, query.points[pairs[:, 0]], pinhole.normalise(pixels), depth, std, reference)
     median = float(np.median(view.depth[solid])) if solid.any() else float("nan")
-    return Observation(matches, pinhole, grey, np.asarray(solid), median)
+    return Observation(matches, pinhole, grey, solid, median)
 
 
 def _distinct(pairs: NDArray[np.intp], a: FloatArray, b: FloatArray) -> NDArray[np.intp]:

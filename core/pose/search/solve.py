@@ -63,7 +63,7 @@ def coarse_pose(
         if consensus is not None:
             options.insert(0, consensus.pose)
     matches = [o.matches for o in observations]
-    pooled = pnp_pose(matches, float(K[0, 0])) if multiview else None
+    pooled = pnp_pose(matches, focal_of(K)) if multiview else None
     if pooled is not None:
         options.append(pooled[0])
     if not options:
@@ -104,10 +104,10 @@ def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_
     on_line = np.abs(epipolar_distances(pose, matches, K)) < gate_px
     points = pose.transform(world_points(matches))
     with np.errstate(invalid="ignore"):
-        offset = np.linalg.norm(points[:, :2] / points[:, 2:] - matches.query, axis=1) * K[0, 0]
+        offset = np.linalg.norm((points[:, :2] / points[:, 2:] - matches.query) * (K[0, 0], K[1, 1]), axis=1)
         # Parallax that a depth error of DEPTH_TOLERANCE makes: that share of the pair's own parallax.
         baseline = np.linalg.norm(pose.centre - matches.pose.centre)
-        allowed = gate_px + DEPTH_TOLERANCE * K[0, 0] * baseline / np.abs(points[:, 2])
+        allowed = gate_px + DEPTH_TOLERANCE * focal_of(K) * baseline / np.abs(points[:, 2])
         misplaced = (points[:, 2] <= 0) | (offset > allowed)
     return np.asarray(on_line & ~misplaced)
 
@@ -125,7 +125,12 @@ def fine_matches(pose: Pose, observations: Sequence[Observation], query: Query, 
 def _parallax_px(pose: Pose, observation: Observation, K: FloatArray) -> float:
     """How far a point at the view's median depth moves between `pose` and the view, pixels, turning left aside."""
     depth = observation.median_depth
-    return float(K[0, 0] * np.linalg.norm(pose.centre - observation.pose.centre) / depth) if depth > 0 else 0.0
+    return focal_of(K) * float(np.linalg.norm(pose.centre - observation.pose.centre)) / depth if depth > 0 else 0.0
+
+
+def focal_of(K: FloatArray) -> float:
+    """Geometric mean of the focal lengths in K, pixels."""
+    return float(np.sqrt(K[0, 0] * K[1, 1]))
 
 
 def fine_pose(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> EpipolarFit:

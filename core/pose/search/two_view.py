@@ -19,7 +19,7 @@ CONFIDENCE = 0.999
 MAX_ESSENTIAL_NORM = 1e3  # a valid essential matrix comes back with norm about 1; USAC returns 1e22 on degenerate points
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TwoViewPose:
     """R_qs (3, 3), unit t_qs (3,), and the inliers (M,) among the matches it was found from."""
 

@@ -17,7 +17,7 @@ MAX_DAMPING = 1e8
 State = TypeVar("State")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NormalEquations:
     """Cost, its gradient J^T W r (n,) and the Gauss-Newton matrix J^T W J (n, n) at one state."""
 

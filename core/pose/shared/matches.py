@@ -12,7 +12,7 @@ from ...geometry.camera import FloatArray, Pose
 BoolArray = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ViewMatches:
     """M matches of the photo with the view rendered at `pose` (world-to-camera).
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...features.subpixel import normalise_locally
 from ...geometry.camera import Intrinsics
+from ...geometry.conventions import opencv_matrix
 from ...photos.photo import Photo
 from .matches import BoolArray
 
@@ -21,11 +22,11 @@ TAILS = (1.0, 99.0)  # per cent of the pixels
 STRETCHED = (16.0, 239.0)  # levels that these go to
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WorkingPhoto:
     """`intrinsics` with distortion; `raw` (H, W) uint8 grey as the lens drew it; `mask` (H, W) bool, True where the photo may
     be used, None when everywhere; `grey` the undistorted `raw`, `aligned` the same locally normalised; `usable` (H, W) bool
-    the undistorted mask.
+    the undistorted mask. photo_px: how many pixels of the photo as it is one pixel of this picture spans.
     """
 
     intrinsics: Intrinsics
@@ -34,6 +35,7 @@ class WorkingPhoto:
     grey: GreyImage
     aligned: GreyImage
     usable: BoolArray | None
+    photo_px: float = 1.0
 
     @property
     def pinhole(self) -> Intrinsics:
@@ -47,19 +49,20 @@ class WorkingPhoto:
         mask = None
         if photo.mask is not None:
             mask = cv2.resize(photo.mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-        return cls._made(work, exposed(photo.pixels, size, mask), mask)
+        scale = max(intrinsics.width, intrinsics.height) / max(size)
+        return cls._made(work, exposed(photo.pixels, size, mask), mask, scale)
 
     @classmethod
-    def _made(cls, k: Intrinsics, raw: GreyImage, mask: BoolArray | None) -> WorkingPhoto:
+    def _made(cls, k: Intrinsics, raw: GreyImage, mask: BoolArray | None, photo_px: float) -> WorkingPhoto:
         grey = undistorted(raw, k, cv2.INTER_CUBIC)
         usable = None if mask is None else undistorted(mask.astype(np.uint8), k, cv2.INTER_NEAREST) > 0
-        return cls(k, raw, mask, grey, normalise_locally(grey), usable)
+        return cls(k, raw, mask, grey, normalise_locally(grey), usable, photo_px)
 
     def with_intrinsics(self, k: Intrinsics) -> WorkingPhoto:
         """The same pixels under another lens. Only a changed distortion or principal point costs a new straightening."""
         if not (k.has_distortion or self.intrinsics.has_distortion):
             return replace(self, intrinsics=k)
-        return self._made(k, self.raw, self.mask)
+        return self._made(k, self.raw, self.mask, self.photo_px)
 
 
 def exposed(pixels: NDArray[np.uint8], size: tuple[int, int], mask: BoolArray | None) -> GreyImage:
@@ -89,8 +92,7 @@ def undistorted(image: GreyImage, intrinsics: Intrinsics, interpolation: int) ->
     """`image` as `intrinsics.pinhole()` would have seen it."""
     if not intrinsics.has_distortion:
         return image
-    K = intrinsics.matrix
-    K[:2, 2] -= 0.5  # OpenCV puts the centre of the first pixel at 0
+    K = opencv_matrix(intrinsics)
     size = (intrinsics.width, intrinsics.height)
     map_x, map_y = cv2.initUndistortRectifyMap(K, np.asarray(intrinsics.dist), np.eye(3), K, size, cv2.CV_32FC1)
     return np.asarray(cv2.remap(image, map_x, map_y, interpolation), np.uint8)

@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 
 from ...features.subpixel import SubpixelAligner, normalise_locally
 from ...geometry.camera import FloatArray, Pose
+from ...geometry.conventions import from_opencv_pixels
 from ...render.view import ViewRenderer, alone
-from ..search.observe import MIN_ALPHA, grey_of
+from ..search.observe import grey_of
+from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
 
 MAX_CORNERS = 600
 CORNER_QUALITY = 0.01
+# Pixels here are those of the loop's working picture, whose long side is `RefineSettings.long_side_px` or the photo's own.
 CORNER_SPACING_PX = 7.0
 STAYED_PX = 1.5  # a corner that moved less than this between photo and render is taken to agree
 FOLLOW = SubpixelAligner(window_px=21, max_move_px=6.0, max_return_px=0.5)
@@ -31,13 +34,14 @@ class FinalView:
     """How the final render agrees with the photo.
 
     corners: corners of the photo over the opaque part of the render; agreement: share of them (0..1) that stay within 1.5 px;
-    offset_px: median displacement of those that could be followed (NaN when none); similarity: normalised cross-correlation
-    (-1..1) of the two locally normalised images, hence free of exposure; opaque: share of the render that is solid, 0..1.
+    offset_px_of_photo: median displacement of those that could be followed, in pixels of the photo as it is (NaN when none);
+    similarity: normalised cross-correlation (-1..1) of the two locally normalised images, hence free of exposure; opaque: share
+    of the render that is solid, 0..1.
     """
 
     corners: int
     agreement: float
-    offset_px: float
+    offset_px_of_photo: float
     similarity: float
     opaque: float
 
@@ -45,7 +49,7 @@ class FinalView:
 def view_at(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose) -> FinalView:
     """Renders the splat at `pose` and measures how it agrees with the photo."""
     view = alone(renderer).render(photo.pinhole, pose)
-    return compare(photo, grey_of(view), np.asarray(view.alpha >= MIN_ALPHA))
+    return compare(photo, grey_of(view), solid_part(view))
 
 
 def compare(photo: WorkingPhoto, grey: NDArray[np.uint8], solid: NDArray[np.bool_]) -> FinalView:
@@ -60,7 +64,7 @@ def compare(photo: WorkingPhoto, grey: NDArray[np.uint8], solid: NDArray[np.bool
     places, good = FOLLOW.align(photo.aligned, render, corners, corners)
     moved = np.linalg.norm(places - corners, axis=1)
     agreement = float(np.mean(good & (moved < STAYED_PX)))
-    offset = float(np.median(moved[good])) if good.any() else float("nan")
+    offset = photo.photo_px * float(np.median(moved[good])) if good.any() else float("nan")
     return FinalView(len(corners), agreement, offset, _correlation(photo.aligned, render, inner > 0), float(solid.mean()))
 
 
@@ -69,7 +73,7 @@ def _corners(photo: WorkingPhoto, mask: NDArray[np.uint8]) -> FloatArray:
     found: Any = cv2.goodFeaturesToTrack(photo.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
     if found is None:
         return np.zeros((0, 2))
-    return np.asarray(found, np.float64).reshape(-1, 2) + 0.5  # OpenCV puts the centre of the first pixel at 0
+    return from_opencv_pixels(np.reshape(found, (-1, 2)))
 
 
 def _correlation(a: NDArray[np.uint8], b: NDArray[np.uint8], mask: NDArray[np.bool_]) -> float:

@@ -207,7 +207,8 @@ class _Part:
 
 @contextmanager
 def open_payload(path: Path, header: SpzHeader) -> Iterator[Payload]:
-    """The attributes of a file, after one reading that only counts: nothing is allocated for bytes that are not there.
+    """The attributes of a file, which are unpacked once, while they are read. Whoever reads them allocates only for bytes that
+    have come, and asks `check_end` at the end.
 
     Raises SplatFormatError when they are cut off, damaged, or suspiciously many for the file's size.
     """
@@ -221,12 +222,6 @@ def open_payload(path: Path, header: SpzHeader) -> Iterator[Payload]:
     errors = (EOFError, zlib.error, gzip.BadGzipFile, *((zstandard.ZstdError,) if zstandard is not None else ()))
     with open(path, "rb") as file:
         try:
-            counted = Payload(file, header)
-            for width in header.widths:
-                for _ in counted.blocks(width):
-                    pass
-            counted.check_end()
-            file.seek(0)
             yield Payload(file, header)
         except errors:
             raise _damaged() from None

@@ -162,13 +162,15 @@ def test_an_animated_lens_is_keyed_too(bpy, extension):
     assert camera.data.lens == pytest.approx(77)
 
 
-def test_a_photo_of_oblong_pixels_fills_the_frame(bpy, extension, splat, tmp_path):
-    """fx and fy that differ become the scene's pixel aspect; the background image must be drawn with it."""
+def test_a_photo_of_oblong_pixels_is_shown_with_them_in_the_frame_as_it_is(bpy, extension, splat, tmp_path):
+    """fx and fy that differ are the photo's own; the render's pixels follow when the user asks for the photo's resolution."""
     bridge, scene = extension("gssmc_addon.camera.bridge"), bpy.context.scene
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
     camera, engine = scene.camera, extension("core.geometry.camera")
     lens = engine.Intrinsics(60, 90, 80.0, 100.0, 30.0, 45.0)
-    assert bridge.write_camera(scene, camera, splat, engine.Camera(lens, engine.Pose()))
+    bridge.write_camera(scene, camera, splat, engine.Camera(lens, engine.Pose()))
     image = camera.data.background_images[0].image
-    assert tuple(image.display_aspect) == (scene.render.pixel_aspect_x, scene.render.pixel_aspect_y)
-    assert scene.render.pixel_aspect_x == pytest.approx(1.25)
+    assert tuple(image.display_aspect) == (1.25, 1)
+    assert (scene.render.pixel_aspect_x, scene.render.pixel_aspect_y) == (1, 1)
+    assert bpy.ops.gssmc.match_resolution() == {"FINISHED"}
+    assert (scene.render.pixel_aspect_x, scene.render.pixel_aspect_y) == (1.25, 1)

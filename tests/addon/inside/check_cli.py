@@ -111,3 +111,39 @@ def test_a_folder_that_is_missing_is_told_before_the_work(main, files, capfd, bl
     assert main([*arguments, "--blend", str(files / blend)]) == 2
     assert len(capfd.readouterr().err.strip().splitlines()) == 1
     assert not (files / "drawn").exists()
+
+
+def test_batch_runs_nothing_of_the_folder_that_blender_was_started_in(main, files, monkeypatch):
+    """It may be a downloaded scan's."""
+    trap = files / "downloaded"
+    for name in ("json.py", "numpy.py", "core/__init__.py"):
+        (trap / name).parent.mkdir(parents=True, exist_ok=True)
+        (trap / name).write_text(f"import pathlib; pathlib.Path({str(files / 'sprung')!r}).touch(); raise SystemExit(9)")
+    monkeypatch.chdir(trap)
+    arguments = [files / "scan.ply", files / "cameras.json", "--out", files / "r.json", "--workers", "2"]
+    assert main(["batch", *map(str, arguments)]) == 3, "photos of another place must fail"
+    frames = json.loads((files / "r.json").read_text())["frames"]
+    assert [("error" in frame, frame["verdict"]) for frame in frames] == [(False, "failed")] * 2
+    assert not (files / "sprung").exists()
+
+
+@pytest.mark.parametrize(("lens", "state"), [("focal", "SOLVED"), ("fixed", "CALIBRATED")])
+def test_a_solved_camera_is_saved_with_what_it_was_solved_to_be(bpy, extension, files, lens, state):
+    """By the report that a refinement ends with; the saved file knows when the camera is moved."""
+    reports, outcome = extension("core.pose.report"), extension("core.cli.outcome")
+    (camera, *_) = extension("core.cameras.files").read_cameras(files / "cameras.json")
+    evidence = {name: 1.0 for name in reports.PoseQuality.__dataclass_fields__}
+    start = extension("core.geometry.camera").Camera(camera.intrinsics, extension("core.geometry.camera").Pose())
+    report = reports.RefineReport(
+        camera, start, "trusted", ("It sits.",), (), 1.0, reports.PoseQuality(**evidence), "joint", lens
+    )
+    made = outcome.Outcome(0, files / "scan.ply", (camera,), (files / "a.png",), (report,))
+    extension("gssmc_addon.headless.blend_file").save(files / "out.blend", made, None, "Z_UP")
+    bpy.ops.wm.open_mainfile(filepath=str(files / "out.blend"))
+    scene, solution = bpy.context.scene, extension("gssmc_addon.camera.solution")
+    bpy.context.view_layer.update()
+    note = scene.camera.data.gssmc
+    assert (solution.verdict(scene, scene.camera), note.lens_state) == ("TRUSTED", state)
+    scene.camera.location.x += 0.1
+    bpy.context.view_layer.update()
+    assert solution.verdict(scene, scene.camera) == "CHANGED"

@@ -91,13 +91,84 @@ def test_an_exported_json_tells_verdicts_and_guesses(bpy, extension, scene, tmp_
     assert (record["width"], record["height"]) == (60, 90)
 
 
+@pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
+def test_an_exported_photo_is_its_own_file_at_its_own_size(bpy, extension, scene, tmp_path, kind):
+    """Of a photo that EXIF turns Blender holds a turned copy, of a very large one a smaller copy."""
+    write_photo(tmp_path / "turned.jpg", 60, 90, orientation=6)
+    write_photo(tmp_path / "large.jpg", 5200, 6800)
+    write_photo(tmp_path / "both.jpg", 6800, 5200, orientation=8)
+    for name in ("turned", "large", "both"):
+        bpy.ops.gssmc.add_photo(filepath=str(tmp_path / f"{name}.jpg"), camera="NEW")
+    out = tmp_path / ("model" if kind == "COLMAP" else "out.json")
+    assert bpy.ops.gssmc.export_cameras(filepath=str(out), format=kind) == {"FINISHED"}
+    found = {item.camera.file: item for item in read_to_end(extension, out, tmp_path)}
+    sizes = {name: (item.camera.intrinsics.width, item.camera.intrinsics.height) for name, item in found.items()}
+    assert sizes == {"turned.jpg": (90, 60), "large.jpg": (5200, 6800), "both.jpg": (5200, 6800)}
+    assert all(item.file for item in found.values()), "the files are there"
+    bridge = extension("gssmc_addon.camera.bridge")
+    inside = bridge.read_camera(scene, bpy.data.objects["both"], scene.gssmc.splat).at_size(2600, 3400)
+    assert found["both.jpg"].camera.intrinsics.fx == pytest.approx(2 * inside.intrinsics.fx, rel=1e-6)
+
+
+def test_a_large_photo_gives_the_render_its_own_resolution(bpy, scene, tmp_path):
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "both.jpg", 6800, 5200, orientation=8)), camera="NEW")
+    bpy.ops.gssmc.match_resolution()
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (5200, 6800)
+
+
+def judged(bpy, extension, tmp_path, **verdicts):
+    """A photo, with a camera of the name, for each verdict."""
+    for name, verdict in verdicts.items():
+        bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / f"{name}.png")), camera="NEW")
+        note = extension("gssmc_addon.registration.camera_props").note_verdict
+        note(bpy.context.scene.camera.data, verdict, ("Said.",), 2, 1.0)
+
+
+@pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
+def test_failed_cameras_are_no_cameras_for_other_programs(bpy, extension, scene, tmp_path, capfd, kind):
+    judged(bpy, extension, tmp_path, good="trusted", lost="failed", new="none")
+    out = tmp_path / ("model" if kind == "COLMAP" else "out.json")
+    bpy.ops.gssmc.export_cameras(filepath=str(out), format=kind)
+    names = {item.camera.file for item in read_to_end(extension, out, tmp_path)}
+    said = capfd.readouterr().out
+    if kind == "JSON":
+        assert names == {"good.png", "lost.png", "new.png"}
+        verdicts = [record.get("verdict") for record in json.loads(out.read_text())["frames"]]
+        assert sorted(map(str, verdicts)) == ["None", "failed", "trusted"]
+        assert "left out" not in said
+    else:
+        assert names == {"good.png", "new.png"}
+        assert "2 cameras were written" in said
+        assert "1 that failed to be solved were left out: lost." in said
+
+
+def test_nothing_is_written_where_every_camera_failed(bpy, extension, scene, tmp_path):
+    judged(bpy, extension, tmp_path, a="failed", b="failed")
+    for kind in ("COLMAP", "NERFSTUDIO"):
+        with pytest.raises(RuntimeError, match="Every camera failed"):
+            bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"), format=kind)
+    assert not (tmp_path / "out.json").exists()
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_solved_lens_is_exported_as_no_calibration(bpy, scene, tmp_path):
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
+    told = []
+    for state in ("GUESSED", "SOLVED", "CALIBRATED"):
+        scene.camera.data.gssmc.lens_state = state
+        bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"))
+        (record,) = json.loads((tmp_path / "out.json").read_text())["frames"]
+        told.append((record["lens_state"], record.get("focal_guessed", False)))
+    assert told == [("guessed", True), ("solved", True), ("calibrated", False)]
+
+
 def test_poses_alone_take_their_lens_from_the_photo(bpy, scene, tmp_path):
     write_photo(tmp_path / "a.jpg", focal_35mm=28)
     pose = {"file": "a.jpg", "R": np.eye(3).tolist(), "t": [0, 0, 2.0]}
     (tmp_path / "p.json").write_text(json.dumps({"frames": [pose, pose | {"file": "none.jpg"}]}))
     bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "p.json"))
     assert [o.name for o in scene.objects if o.type == "CAMERA"] == ["a"]
-    assert not scene.camera.data.gssmc.lens_calibrated
+    assert scene.camera.data.gssmc.lens_state == "GUESSED"
 
 
 @pytest.mark.parametrize("chosen", ["images.bin", "cameras.bin", "points3D.bin"])
@@ -228,5 +299,5 @@ def test_a_saved_file_brings_all_of_it_back(bpy, scene, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     scene = bpy.context.scene
     kept = scene.camera.data.gssmc
-    assert (kept.k1, kept.lens_calibrated, kept.photo.name, kept.frame_x) == (0.125, False, "a.png", 1920)
+    assert (kept.k1, kept.lens_state, kept.photo.name, kept.frame_x) == (0.125, "GUESSED", "a.png", 1920)
     assert len(scene.gssmc.splat.data.points) == 200

@@ -23,18 +23,18 @@ def test_every_registered_operator_is_driven(bpy):
 
 
 def test_cancel_stops_the_running_job(bpy, extension, scene):
-    jobs = extension("gssmc_addon.refine.job")
+    jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     settings = extension("core.pose.settings").RefineSettings()
     job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
     assert not bpy.ops.gssmc.cancel.poll()
-    jobs.begin(bpy.context, job)  # as the button does; the timer that would drive it is the window's
+    slot.begin(bpy.context, job)  # as the button does; the timer that would drive it is the window's
     try:
         assert not bpy.ops.gssmc.refine.poll()
         assert bpy.ops.gssmc.cancel() == {"FINISHED"}
         assert job.cancelled
         assert job.join(60)
     finally:
-        jobs.end(job)
+        slot.end(job)
     assert bpy.ops.gssmc.refine.poll()
 
 

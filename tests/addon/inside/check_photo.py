@@ -78,9 +78,9 @@ def test_a_lens_is_a_guess_unless_a_camera_file_says_otherwise(bpy, tmp_path, sp
     ):
         write(tmp_path / f"{name}.json")
         bpy.ops.gssmc.add_photo(filepath=photo, camera="NEW", camera_file=str(tmp_path / f"{name}.json"))
-        ends.append(bpy.context.scene.camera.data.gssmc.lens_calibrated)
+        ends.append(bpy.context.scene.camera.data.gssmc.lens_state)
     bpy.ops.gssmc.add_photo(filepath=photo, camera="NEW")
-    assert [*ends, bpy.context.scene.camera.data.gssmc.lens_calibrated] == [True, False, False, False]
+    assert [*ends, bpy.context.scene.camera.data.gssmc.lens_state] == ["CALIBRATED", "GUESSED", "GUESSED", "GUESSED"]
 
 
 def test_a_photo_with_exif_rotation_stands_upright(bpy, tmp_path):

@@ -207,27 +207,27 @@ def test_a_result_is_not_applied_to_a_splat_scaled_unevenly_meanwhile(bpy, scene
 def test_switching_the_extension_off_ends_its_thread(bpy, scene, extension):
     import addon_utils
 
-    jobs = extension("gssmc_addon.refine.job")
+    jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     settings = extension("core.pose.settings").RefineSettings()
     job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
-    jobs.begin(bpy.context, job)
-    assert jobs.active() is job
+    slot.begin(bpy.context, job)
+    assert slot.active() is job
     addon_utils.disable(MODULE)
     assert job.cancelled
     assert job.join(60)
     assert addon_utils.enable(MODULE) is not None
-    assert jobs.active() is None
+    assert slot.active() is None
 
 
 def test_opening_a_file_ends_the_job(bpy, scene, extension, tmp_path):
-    jobs = extension("gssmc_addon.refine.job")
+    jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     settings = extension("core.pose.settings").RefineSettings()
     job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
-    jobs.begin(bpy.context, job)
+    slot.begin(bpy.context, job)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     assert job.cancelled
-    assert jobs.active() is None
+    assert slot.active() is None
     assert bpy.ops.gssmc.refine() == {"CANCELLED"}
     assert bpy.context.scene.camera.data.gssmc.verdict == "FAILED"
 

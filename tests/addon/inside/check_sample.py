@@ -53,11 +53,11 @@ def test_a_guessed_focal_length_is_solved_and_written_back(bpy, sample, tmp_path
     scene = bpy.context.scene
     bpy.ops.gssmc.add_photo(filepath=str(sample.photo), camera_file=str(tmp_path / "guess.json"))
     data = scene.camera.data
-    assert not data.gssmc.lens_calibrated
+    assert data.gssmc.lens_state == "GUESSED"
     assert bpy.ops.gssmc.refine() == {"FINISHED"}
     render = scene.render
     assert (render.resolution_x, render.resolution_y) == (1920, 1080)
     focal_in_frame = data.lens / data.sensor_width * render.resolution_x
     assert focal_in_frame * truth.height / render.resolution_y == pytest.approx(truth.fx, rel=2e-3)
-    assert data.gssmc.lens_calibrated
+    assert data.gssmc.lens_state == "SOLVED"
     assert data.gssmc.k1 == pytest.approx(truth.dist[0], abs=1e-6)

@@ -1,5 +1,6 @@
 """Moving plates: keys where the camera truly was, none where the frame is bad, one refusal per thing that is missing."""
 
+import json
 from dataclasses import replace
 
 import cv2
@@ -80,6 +81,46 @@ def test_the_camera_follows_the_plate(bpy, plate, extension, mode, step):
     assert off[:, 0].max() < 0.02
     assert off[:, 1].max() < 0.3
     assert camera.data.gssmc.bad_frames == ""
+    assert changes(bpy, extension, scene, range(1, COUNT + 1)) == [""] * COUNT
+    assert camera.data.gssmc.verdict in ("TRUSTED", "CHECK")
+
+
+def changes(bpy, extension, scene, frames):
+    """What is no longer as it was solved, at each of the frames."""
+    found = []
+    for frame in frames:
+        scene.frame_set(frame)
+        found.append(extension("gssmc_addon.camera.solution").change(scene, scene.camera))
+    return found
+
+
+@pytest.mark.parametrize("zoom", [False, True])
+def test_a_plate_is_solved_frame_by_frame_and_its_keys_come_back(bpy, plate, extension, zoom):
+    scene, truths = set_up(bpy, plate), plate[1]
+    camera, splat, solution = scene.camera, scene.gssmc.splat, extension("gssmc_addon.camera.solution")
+    record, engine = extension("gssmc_addon.camera.record"), extension("core.geometry.camera")
+    path = {}
+    for frame in (1, 4, 9):
+        k, pose = truths[frame - 1].intrinsics, truths[frame - 1].pose
+        focal = k.fx * (1 + 0.1 * frame * zoom)
+        lens = engine.Intrinsics(k.width, k.height, focal, focal, k.cx, k.cy, k.dist)
+        path[frame] = engine.Camera(lens, engine.Pose(pose.R, pose.t))
+    extension("gssmc_addon.camera.keys").write(scene, camera, splat, path, zoom)
+    solution.keep(scene, camera, splat, record.Solution(path[1], "trusted", ("It sits.",), 3, 1.0, "SOLVED", 3.0, path=path))
+    frames = (1, 3, 4, 9)
+    assert changes(bpy, extension, scene, frames) == [""] * 4
+    scene.render.resolution_x, scene.render.resolution_y = 500, 900
+    bpy.context.view_layer.update()
+    assert changes(bpy, extension, scene, frames) == [""] * 4
+    scene.frame_set(12)
+    assert solution.title(scene, camera) == "Solved from frame 1 to 9"
+    scene.frame_set(4)
+    camera.location.x += 0.1
+    camera.keyframe_insert("location", frame=4)
+    assert changes(bpy, extension, scene, frames) == ["", "", "MOVED", ""]
+    assert bpy.ops.gssmc.back_to_solution() == {"FINISHED"}
+    assert changes(bpy, extension, scene, frames) == [""] * 4
+    assert all(found == {1, 4, 9} for found in keyed(camera, "location"))
 
 
 def test_a_bad_frame_is_flagged_and_the_gap_filled(bpy, plate, extension):
@@ -211,3 +252,81 @@ def test_one_frame_of_a_plate_can_be_previewed_and_refined(bpy, plate, extension
     assert bpy.ops.gssmc.refine(**rooms.QUICK) == {"FINISHED"}
     assert errors(bpy, extension, scene, plate[1], [1])[0, 0] < 0.02
     assert bpy.ops.gssmc.preview(style="DIAGONAL") == {"FINISHED"}
+
+
+def write_movie(path, frames):
+    movie = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 24, (rooms.WIDTH, rooms.HEIGHT))
+    for _ in range(frames):
+        movie.write(np.zeros((rooms.HEIGHT, rooms.WIDTH, 3), np.uint8))
+    movie.release()
+    return path
+
+
+def keyed_by_hand(scene, truths, extension):
+    """Keys of the true cameras at frames 1, 4 and 9; beside them a move that nobody keyed."""
+    camera = scene.camera
+    for frame in (1, 4, 9):
+        scene.frame_set(frame)
+        extension("gssmc_addon.camera.bridge").write_camera(scene, camera, scene.gssmc.splat, truths[frame - 1])
+        for path in ("location", "rotation_euler"):
+            camera.keyframe_insert(path, frame=frame)
+    scene.frame_set(2)
+    camera.location.x += 0.25
+    return tuple(camera.location)
+
+
+@pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
+def test_a_plate_is_exported_with_the_file_of_each_keyed_frame(bpy, plate, extension, tmp_path, kind):
+    scene, truths = set_up(bpy, plate), plate[1]
+    at = keyed_by_hand(scene, truths, extension)
+    out = tmp_path / ("model" if kind == "COLMAP" else "out.json")
+    assert bpy.ops.gssmc.export_cameras(filepath=str(out), format=kind) == {"FINISHED"}
+    found = {start.file: start for start in extension("core.cameras").starts(out)}
+    assert sorted(found) == [f"shot.{FIRST + frame - 1:04d}.png" for frame in (1, 4, 9)]
+    for frame in (1, 4, 9):
+        start = found[f"shot.{FIRST + frame - 1:04d}.png"]
+        distance, degrees = pose_error(start.pose, truths[frame - 1].pose)
+        assert (distance < 1e-4, degrees < 1e-3) == (True, True)
+        assert (start.intrinsics.width, start.intrinsics.height) == (rooms.WIDTH, rooms.HEIGHT)
+    assert scene.frame_current == 2
+    assert tuple(scene.camera.location) == pytest.approx(at), "nothing that was not keyed is lost"
+
+
+def test_a_plate_without_keys_is_exported_as_the_frame_that_shows(bpy, plate, extension, tmp_path):
+    scene = set_up(bpy, plate)
+    scene.frame_set(3)
+    for name in ("photo_x", "photo_y"):
+        scene.camera.data.gssmc.property_unset(name)  # as an older version left it
+    assert bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json")) == {"FINISHED"}
+    (start,) = extension("core.cameras").starts(tmp_path / "out.json")
+    assert (start.file, start.intrinsics.width) == (f"shot.{FIRST + 2:04d}.png", rooms.WIDTH)
+
+
+def test_frames_of_a_movie_are_no_files(bpy, plate, extension, tmp_path):
+    bpy.ops.gssmc.import_splats(filepath=str(plate[0].scene))
+    movie = write_movie(tmp_path / "shot.avi", 9)
+    assert bpy.ops.gssmc.add_plate(filepath=str(movie), camera="NEW") == {"FINISHED"}
+    scene = bpy.context.scene
+    keyed_by_hand(scene, plate[1], extension)
+    for kind in ("COLMAP", "NERFSTUDIO"):
+        with pytest.raises(RuntimeError, match="shows a movie"):
+            bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"), format=kind)
+    assert not (tmp_path / "out.json").exists()
+    assert bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json")) == {"FINISHED"}
+    records = json.loads((tmp_path / "out.json").read_text())["frames"]
+    assert [(record["file"], record["frame"]) for record in records] == [("shot.avi", 1), ("shot.avi", 4), ("shot.avi", 9)]
+
+
+def test_a_frame_that_was_refined_alone_is_solved_at_that_frame(bpy, plate, extension):
+    scene, solution = set_up(bpy, plate), extension("gssmc_addon.camera.solution")
+    scene.frame_set(2)
+    bpy.ops.gssmc.refine(**rooms.QUICK)
+    bpy.context.view_layer.update()
+    assert solution.change(scene, scene.camera) == ""
+    before = tuple(scene.camera.location)
+    scene.frame_set(5)
+    assert solution.title(scene, scene.camera) == "Solved at frame 2"
+    scene.camera.location.x += 1
+    assert bpy.ops.gssmc.back_to_solution() == {"FINISHED"}
+    assert (scene.frame_current, tuple(scene.camera.location)) == (2, pytest.approx(before))
+    assert solution.change(scene, scene.camera) == ""

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +14,13 @@ import numpy as np
 import pytest
 from cli_place import FAST, Place, hurt_readers
 
-from core.batch.store import ResultStore, job_key
+from core.batch.store import ResultStore
 from core.cameras.files import camera_from_dict
 from core.cli.main import main
 from core.geometry.camera import pose_error
-from core.support.atomic import atomic_write
+from core.processes import pool
+from core.splats.ply.reader import write_ply
+from core.synthetic import make_scene
 
 PATIENCE_S = 120
 
@@ -39,6 +42,13 @@ def batch(place, file, out, *more):
 
 def frames(out):
     return json.loads(Path(out).read_text())["frames"]
+
+
+def journalled(out):
+    """The records of a batch that runs, or was killed, in the order of their end."""
+    file = out.with_name(out.name + ".journal")
+    lines = file.read_text().splitlines(keepends=True)[1:] if file.exists() else []
+    return [json.loads(line) for line in lines if line.endswith("\n")]
 
 
 def alive(pid):
@@ -87,6 +97,66 @@ def test_a_finished_batch_starts_no_worker(place, tmp_path, monkeypatch):
     assert not list((tmp_path / "hook").glob("*.pid"))
     assert batch(place, file, out, "--seed", "5") == 0  # other options: everything anew
     assert list((tmp_path / "hook").glob("*.pid"))
+
+
+def refined_anew(place, file, out, hook, scene=None):
+    """How many workers a further run starts: none where nothing has changed."""
+    for pid in hook.glob("*.pid"):
+        pid.unlink()
+    argv = ["batch", str(scene or place.scene), file, "--out", str(out), "--workers", "1", *FAST]
+    assert main(argv) == 0
+    return len(list(hook.glob("*.pid")))
+
+
+def test_answers_of_another_photo_or_scan_of_the_same_name_and_size_are_not_handed_out(place, tmp_path, monkeypatch):
+    hook, out, scene, photo = tmp_path / "hook", tmp_path / "r.json", tmp_path / "scene.ply", place.folder / "exchanged.png"
+    hurt_readers(hook, monkeypatch)
+    scene.write_bytes(place.scene.read_bytes())
+    photo.write_bytes((place.folder / "photo_0.png").read_bytes())
+    file = queries(place, "exchanged.png")
+    assert refined_anew(place, file, out, hook, scene) == 1
+    assert refined_anew(place, file, out, hook, scene) == 0
+    first = frames(out)
+    write_ply(scene, make_scene(5, 12_000))  # another training with a cap on its Gaussians
+    assert scene.stat().st_size == place.scene.stat().st_size
+    assert main(["batch", str(scene), file, "--out", str(out), "--workers", "1", *FAST]) in (0, 3)
+    assert frames(out)[0]["t"] != first[0]["t"]
+    assert frames(out.with_name("r.json.old")) == first
+    scene.write_bytes(place.scene.read_bytes())
+    assert refined_anew(place, file, out, hook, scene) == 1
+    photo.write_bytes(b"".join([photo.read_bytes(), b"x"]))  # pixels stay, and so does the pose
+    assert refined_anew(place, file, out, hook, scene) == 1
+    assert frames(out)[0]["t"] == first[0]["t"]
+
+
+def test_a_batch_refuses_the_results_file_of_another_that_runs(place, tmp_path, capsys):
+    file, out = queries(place, "photo_0.png"), tmp_path / "r.json"
+    with ResultStore(out, ["some key"]):
+        assert batch(place, file, out) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("Another batch is writing to") and captured.err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_a_system_that_gives_one_process_less_costs_no_photo(place, tmp_path, monkeypatch, caplog):
+    """The second worker cannot be started; on earlier code the batch never came to its end."""
+    start, started = pool.Child, []
+
+    def starts(*args):
+        started.append(args)
+        if len(started) == 2:
+            raise OSError(11, "Resource temporarily unavailable")
+        return start(*args)
+
+    monkeypatch.setattr(pool, "Child", starts)
+    file, codes = queries(place, "photo_0.png", "photo_1.png", "photo_2.png"), []
+    thread = threading.Thread(target=lambda: codes.append(batch(place, file, tmp_path / "r.json")), daemon=True)
+    thread.start()
+    thread.join(PATIENCE_S)
+    assert codes == [0]
+    assert [f["file"] for f in frames(tmp_path / "r.json")] == ["photo_0.png", "photo_1.png", "photo_2.png"]
+    assert "cannot be started (Resource temporarily unavailable)" in caplog.text
 
 
 def test_a_worker_that_dies_costs_one_photo(place, tmp_path, monkeypatch):
@@ -138,10 +208,10 @@ def test_interruption_loses_nothing_that_was_finished(place, tmp_path, monkeypat
     )
     signal.signal(signal.SIGINT, handler)
     give_up = time.monotonic() + PATIENCE_S
-    while not (out.exists() and len(frames(out)) == 2):  # never half a file, at whatever moment it is looked at
+    while len(journalled(out)) < 2:
         assert process.poll() is None and time.monotonic() < give_up
         time.sleep(0.01)
-    finished = frames(out)
+    finished = sorted(journalled(out), key=lambda record: record["file"])
     if end == signal.SIGINT:
         os.killpg(process.pid, end)  # as a terminal does it: to the whole group
     else:
@@ -153,11 +223,14 @@ def test_interruption_loses_nothing_that_was_finished(place, tmp_path, monkeypat
     while any(alive(int(p.stem)) for p in hook.glob("*.pid")):  # also after a kill: workers end with their input
         assert time.monotonic() < give_up
         time.sleep(0.05)
-    assert frames(out) == finished
+    if end == signal.SIGINT:
+        assert frames(out) == finished
+        assert not journalled(out)
     assert batch(place, file, out) == 0
     again = frames(out)
     assert [again[0], again[2]] == finished
     assert again[1]["file"] == "slow.png"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["hook", "r.json"]
     assert not [p for p in tmp_path.iterdir() if p.suffix == ".part"]
 
 
@@ -174,35 +247,3 @@ def test_scene_that_breaks_in_the_worker_is_one_sentence(place, tmp_path, capsys
 def test_query_without_a_photo_is_named(place, tmp_path, capsys):
     assert main(["batch", str(place.scene), queries(place, "photo_0.png", ""), "--out", str(tmp_path / "r.json")]) == 2
     assert "Camera 2 of" in capsys.readouterr().err
-
-
-# ---- the store and the file under it
-
-
-def test_store_keeps_order_whatever_the_order_of_arrival(tmp_path):
-    store = ResultStore(tmp_path / "r.json", ["a", "b", "c"])
-    for index in (2, 0, 1):
-        store.put(index, {"verdict": "check", "n": index})
-        assert [f["n"] for f in frames(tmp_path / "r.json")] == sorted(f["n"] for f in frames(tmp_path / "r.json"))
-    again = ResultStore(tmp_path / "r.json", ["c", "x", "a"])
-    assert again.resume() == 2
-    assert {i: r["n"] for i, r in again.records.items()} == {0: 2, 2: 0}
-
-
-def test_key_changes_with_everything_it_is_made_of():
-    assert job_key("s", 1, {"a": 1, "b": 2}) == job_key("s", 1, {"b": 2, "a": 1})
-    assert len({job_key("s", 1, {}), job_key("s", 2, {}), job_key("t", 1, {}), job_key("s", 1, {"a": 0})}) == 4
-
-
-def test_atomic_write_leaves_the_old_file_when_the_new_one_fails(tmp_path):
-    path = tmp_path / "a.json"
-    path.write_text("old")
-    with pytest.raises(RuntimeError), atomic_write(path) as file:
-        file.write("half of the new")
-        raise RuntimeError("the power went")
-    assert path.read_text() == "old"
-    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
-    with atomic_write(path) as file:
-        file.write("new")
-        assert path.read_text() == "old"
-    assert path.read_text() == "new"

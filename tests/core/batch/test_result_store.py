@@ -2,10 +2,15 @@
 
 import json
 import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
-from core.batch.store import ResultsError, ResultStore, job_key
+from core.batch.keys import job_key
+from core.batch.store import ResultsError, ResultStore
 
 KEYS = [job_key("photo", i) for i in range(4)]
 
@@ -24,35 +29,61 @@ def path(tmp_path):
     return tmp_path / "deep" / "results.json"
 
 
+def journal(path):
+    return path.with_name("results.json.journal")
+
+
+def killed(store):
+    """What is left of a batch that is killed: its files as they are, and no lock."""
+    os.close(store._handle)
+
+
 @pytest.fixture
 def full(path):
-    store = ResultStore(path, KEYS)
-    for i in (2, 0, 3, 1):  # workers finish in any order
-        store.put(i, record(i))
+    with ResultStore(path, KEYS) as store:
+        for i in (2, 0, 3, 1):  # workers finish in any order
+            store.put(i, record(i))
     return path
 
 
 def resumed(path, keys=KEYS):
-    store = ResultStore(path, keys)
-    count = store.resume()
-    assert count == len(store.records)
-    return store.records
+    with ResultStore(path, keys) as store:
+        return store.records
+
+
+def frames(path):
+    return json.loads(path.read_text())["frames"]
 
 
 def test_records_stand_in_the_order_of_the_queries(full):
-    frames = json.loads(full.read_text())["frames"]
-    assert [f["file"] for f in frames] == ["0.jpg", "1.jpg", "2.jpg", "3.jpg"]
-    assert [f["key"] for f in frames] == KEYS
+    assert [f["file"] for f in frames(full)] == ["0.jpg", "1.jpg", "2.jpg", "3.jpg"]
+    assert [f["key"] for f in frames(full)] == KEYS
+    assert os.listdir(full.parent) == ["results.json"]
 
 
-def test_the_file_is_whole_after_every_record(path):
-    store = ResultStore(path, KEYS)
-    store.save()
-    assert json.loads(path.read_text()) == {"frames": []}
-    for done, i in enumerate((3, 1), 1):
-        store.put(i, record(i))
-        assert len(json.loads(path.read_text())["frames"]) == done
-    assert os.listdir(path.parent) == ["results.json"]
+def test_every_record_is_on_disk_when_put_returns(path):
+    with ResultStore(path, KEYS) as store:
+        for done, i in enumerate((3, 1), 1):
+            store.put(i, record(i))
+            lines = journal(path).read_text().splitlines()[1:]
+            assert len(lines) == done
+            assert json.loads(lines[-1]) == record(i) | {"key": KEYS[i]}
+    assert [f["file"] for f in frames(path)] == ["1.jpg", "3.jpg"]
+
+
+def test_what_is_written_for_a_record_does_not_grow_with_their_number(path, monkeypatch):
+    written = []
+    fsync = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda handle: written.append(os.fstat(handle).st_size) or fsync(handle))
+    keys = [job_key(i) for i in range(200)]
+    with ResultStore(path, keys) as store:
+        for i in range(200):
+            store.put(i, record(0))
+        ends = list(written)
+    assert len(ends) == 200
+    steps = {b - a for a, b in pairwise(ends)}
+    assert steps == {len(json.dumps(record(0) | {"key": keys[0]}).encode()) + 1}
+    assert len(frames(path)) == 200
 
 
 def test_a_second_run_takes_up_what_was_finished(full):
@@ -60,16 +91,85 @@ def test_a_second_run_takes_up_what_was_finished(full):
     assert {i: r["t"] for i, r in found.items()} == {i: [i, 0.1, 1] for i in range(4)}
 
 
+def test_a_killed_run_is_taken_up_from_its_journal_wherever_it_was_cut(full):
+    store = ResultStore(full, KEYS)
+    store.__enter__()
+    for i in (1, 2):
+        store.put(i, record(i, t=[i, 9, 9]))
+    killed(store)
+    data = journal(full).read_bytes()
+    for cut in range(0, len(data) + 1, 5):
+        journal(full).write_bytes(data[:cut])
+        full.unlink(missing_ok=True)
+        whole = max(0, data[:cut].count(b"\n") - 1)
+        found = resumed(full)
+        assert len(found) in (whole, whole + 1), cut  # one more where only the line's end was cut off
+        assert all(found[i]["t"] == [i, 9, 9] for i in found)
+        assert not journal(full).exists()
+        assert len(frames(full)) == len(found) if cut else not full.exists()
+
+
+def test_the_journal_wins_over_the_results(full):
+    store = ResultStore(full, KEYS)
+    store.__enter__()
+    store.put(1, record(1, t=[7, 7, 7]))
+    killed(store)
+    assert [r["t"] for _, r in sorted(resumed(full).items())] == [[0, 0.1, 1], [7, 7, 7], [2, 0.1, 1], [3, 0.1, 1]]
+    assert [f["t"] for f in frames(full)] == [[0, 0.1, 1], [7, 7, 7], [2, 0.1, 1], [3, 0.1, 1]]
+
+
+def test_two_batches_on_one_file_refuse_each_other(path, tmp_path):
+    other = tmp_path / "link.json"
+    path.parent.mkdir()
+    other.symlink_to(path)  # however it is spelt
+    with ResultStore(path, KEYS) as store:
+        store.put(0, record(0))
+        for spelt in (path, other, path.parent / "x" / ".." / "results.json"):
+            with pytest.raises(ResultsError, match=r"Another batch is writing to .*give another --out\.$"):
+                ResultStore(spelt, KEYS).__enter__()
+        store.put(1, record(1))
+    assert sorted(resumed(other)) == [0, 1]
+    assert other.is_symlink()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL")
+def test_the_lock_of_a_killed_batch_does_not_block(path):
+    code = f"""
+import pathlib, sys, time
+from core.batch.store import ResultStore
+store = ResultStore(pathlib.Path({str(path)!r}), {KEYS!r}).__enter__()
+store.put(2, {record(2)!r})
+print("ready", flush=True)
+time.sleep(600)
+"""
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=Path(__file__).parents[3], stdout=subprocess.PIPE)
+    assert process.stdout.readline() == b"ready\n"
+    with pytest.raises(ResultsError, match="Another batch"):
+        ResultStore(path, KEYS).__enter__()
+    process.kill()
+    process.communicate()
+    assert sorted(resumed(path)) == [2]
+    assert os.listdir(path.parent) == ["results.json"]
+
+
 def test_queries_may_be_added_removed_and_moved(full):
     found = resumed(full, [KEYS[3], job_key("new"), KEYS[0]])
     assert {i: r["file"] for i, r in found.items()} == {0: "3.jpg", 2: "0.jpg"}
 
 
+def test_results_of_other_options_are_kept_aside(full, caplog):
+    before = frames(full)
+    with ResultStore(full, [job_key("new")]) as store:
+        store.put(0, record(9))
+    assert [f["file"] for f in frames(full)] == ["9.jpg"]
+    assert frames(full.with_name("results.json.old")) == before
+    assert "4 results of other photos or options" in caplog.text
+
+
 def test_photos_that_could_not_be_tried_are_tried_again(full):
-    store = ResultStore(full, KEYS)
-    store.resume()
-    store.put(1, record(1, verdict="failed", error="There is no photo."))
-    store.put(2, record(2, verdict="failed"))  # tried, and not found: a second try with the same seed would end the same
+    with ResultStore(full, KEYS) as store:
+        store.put(1, record(1, verdict="failed", error="There is no photo."))
+        store.put(2, record(2, verdict="failed"))  # tried, and not found: a second try with the same seed would end the same
     assert sorted(resumed(full)) == [0, 2, 3]
 
 
@@ -84,12 +184,12 @@ def test_a_file_cut_short_anywhere_loses_only_the_record_it_was_cut_in(full):
         assert all(r == record(i) | {"key": KEYS[i]} for i, r in found.items())
 
 
-def test_a_cut_file_is_mended_by_the_next_save(full):
+def test_a_cut_file_is_mended_by_the_next_run(full):
     full.write_bytes(full.read_bytes()[:-40])
-    store = ResultStore(full, KEYS)
-    assert store.resume() == 3
-    store.put(3, record(3))
-    assert len(json.loads(full.read_text())["frames"]) == 4
+    with ResultStore(full, KEYS) as store:
+        assert len(store.records) == 3
+        store.put(3, record(3))
+    assert len(frames(full)) == 4
 
 
 @pytest.mark.parametrize(
@@ -100,28 +200,42 @@ def test_a_file_that_is_something_else_is_refused_and_kept(path, text):
     path.parent.mkdir()
     path.write_text(text)
     with pytest.raises(ResultsError, match=r"no results file of a batch; give another --out\.$") as caught:
-        ResultStore(path, KEYS).resume()
+        ResultStore(path, KEYS).__enter__()
     assert "\n" not in str(caught.value)
     assert path.read_text() == text
+    assert os.listdir(path.parent) == ["results.json"]
 
 
-def test_a_save_that_fails_leaves_the_old_file(full, monkeypatch):
+def test_a_journal_that_is_something_else_is_refused_and_kept(full):
+    journal(full).write_text("notes of a journey\n")
+    with pytest.raises(ResultsError, match=r"no journal of a batch; give another --out\.$"):
+        ResultStore(full, KEYS).__enter__()
+    assert journal(full).read_text() == "notes of a journey\n"
+
+
+def test_a_full_disk_loses_nothing_that_was_there(full, monkeypatch):
     before = full.read_bytes()
+    fsync, full_now = os.fsync, []
 
-    def no_space(*_):
-        raise OSError(28, "No space left on device")
+    def no_space(handle):
+        if full_now:
+            raise OSError(28, "No space left on device")
+        fsync(handle)
 
     monkeypatch.setattr(os, "fsync", no_space)
-    store = ResultStore(full, KEYS)
-    store.resume()
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match="No space left"), ResultStore(full, KEYS) as store:
+        store.put(1, record(1, t=[8, 8, 8]))
+        full_now.append(True)
         store.put(0, record(0, verdict="trusted"))
     assert full.read_bytes() == before
-    assert os.listdir(full.parent) == ["results.json"]
+    assert sorted(os.listdir(full.parent)) == ["results.json", "results.json.journal"]
+    full_now.clear()
+    found = resumed(full)
+    assert (found[1]["t"], found[0]["verdict"]) == ([8, 8, 8], "check")
 
 
-def test_keys_differ_where_an_answer_may():
-    assert job_key("a", 1, {"seed": 0}) == job_key("a", 1, {"seed": 0})
-    assert (
-        len({job_key("a", 1, {"seed": 0}), job_key("a", 1, {"seed": 1}), job_key("a", 2, {"seed": 0}), job_key("a1", {})}) == 4
-    )
+def test_halves_of_killed_writes_are_removed(full):
+    (full.parent / ".results.json.0a1b2c3d.part").write_text("half")
+    (full.parent / ".others.json.0a1b2c3d.part").write_text("another's")
+    resumed(full)
+    assert sorted(os.listdir(full.parent)) == [".others.json.0a1b2c3d.part", "results.json"]

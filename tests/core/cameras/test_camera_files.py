@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from core.cameras.files import camera_from_dict, camera_to_dict, read_cameras, write_cameras
+from core.cameras.files import camera_from_dict, camera_to_dict, read_cameras, read_starts, write_cameras
 from core.errors import CameraError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.geometry.lie import so3_exp
@@ -141,3 +141,16 @@ def test_missing_file_and_folder_and_binary(tmp_path):
 def test_unnamed_camera():
     with pytest.raises(CameraError, match=r"^The camera lacks"):
         camera_from_dict({})
+
+
+@pytest.mark.parametrize(
+    ("lens", "guessed"), [("focal", True), ("radial", True), ("full", True), ("fixed", False), ("35 mm", False)]
+)
+def test_a_lens_that_was_solved_for_is_no_calibration_of_the_next_start(tmp_path, lens, guessed):
+    """A result is a camera with the verdict's words; "lens" says what of it was solved for."""
+    record = {"file": "a.jpg", "width": 60, "height": 90, "fx": 80.0, "fy": 80.0, "cx": 30.0, "cy": 45.0, "lens": lens}
+    record |= {"R": np.eye(3).tolist(), "t": [0, 0, 2.0], "verdict": "trusted"}
+    (tmp_path / "result.json").write_text(json.dumps(record))
+    (start,) = read_starts(tmp_path / "result.json")
+    assert start.focal_guessed is guessed
+    assert start.intrinsics.fx == 80.0

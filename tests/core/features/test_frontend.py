@@ -30,8 +30,19 @@ def model(tmp_path):
     return str(image_net(tmp_path / "net.onnx", 3, keypoints=places, descriptors=rows(2), scores=scores))
 
 
-def refused(words, **choice):
-    settings = RefineSettings(**choice)
+@dataclass(frozen=True)
+class Choice:
+    """Any other owner of the options that say which features: nobody has checked its words."""
+
+    features: str = "sift"
+    matcher: str = "nearest"
+    model: str = ""
+    matcher_model: str = ""
+    threads: int = 0
+
+
+def refused(words, settings=RefineSettings, **choice):
+    settings = settings(**choice)
     with pytest.raises(FeatureError, match=words) as error:
         make_frontend(settings)
     assert str(error.value).endswith(".")
@@ -39,8 +50,8 @@ def refused(words, **choice):
 
 
 def test_choices_that_cannot_work_are_one_sentence(model, tmp_path):
-    refused("no features 'surf'; choose one of sift, akaze", features="surf")
-    refused("no matcher 'brute'", matcher="brute")
+    refused("no features 'surf'; choose one of sift, akaze", Choice, features="surf")
+    refused("no matcher 'brute'", Choice, matcher="brute")
     refused("ALIKED needs a model file", features="aliked")
     refused("no model file at .*gone.onnx", features="disk", model=str(tmp_path / "gone.onnx"))
     refused("LightGlue needs a model file", features="superpoint", model=model, matcher="lightglue")

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from core.geometry.camera import Pose
-from core.geometry.lie import hat, left_jacobian, left_jacobian_inverse, se3_exp, se3_log, so3_exp, so3_log
+from core.geometry.lie import hat, left_jacobian, left_jacobian_inverse, se3_exp, so3_exp, so3_log
 
 ANGLES = [0.0, 1e-9, 1e-6, 3e-5, 0.1, 1.0, 3.0, np.pi - 1e-3, np.pi - 1e-6]
 
@@ -46,7 +45,7 @@ def test_left_jacobian_is_the_derivative_of_exp(angle):
 
 
 @pytest.mark.parametrize("angle", ANGLES[:-2])
-def test_se3_exp_is_the_matrix_exponential_and_log_inverts_it(angle):
+def test_se3_exp_is_the_matrix_exponential(angle):
     xi = np.concatenate([[0.3, -2.0, 5.0], angle * _axis(4)])
     twist = np.zeros((4, 4))
     twist[:3, :3], twist[:3, 3] = hat(xi[3:]), xi[:3]
@@ -54,4 +53,3 @@ def test_se3_exp_is_the_matrix_exponential_and_log_inverts_it(angle):
     pose = se3_exp(xi)
     np.testing.assert_allclose(pose.R, want[:3, :3], atol=1e-10)
     np.testing.assert_allclose(pose.t, want[:3, 3], atol=1e-8)
-    np.testing.assert_allclose(se3_log(Pose(want[:3, :3], want[:3, 3])), xi, atol=1e-7)

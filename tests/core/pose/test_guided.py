@@ -9,8 +9,9 @@ from boxroom import BoxRoom
 from core.geometry.camera import Intrinsics, Pose
 from core.geometry.lie import so3_exp
 from core.photos.photo import Photo
-from core.pose.final.guided import follow, match_corners, pick_corners, sample
+from core.pose.final.guided import follow, match_corners, pick_corners
 from core.pose.shared.matches import bearings
+from core.pose.shared.surface import sample
 from core.pose.shared.working import WorkingPhoto
 
 LENS = Intrinsics(320, 240, 260.0, 258.0, 163.0, 118.0, (-0.08, 0.02, 0.001, -0.0005, 0.0))

@@ -8,9 +8,10 @@ import pytest
 from geometry import CAMERA, make_matches, random_pose, world
 
 from core.geometry.lie import hat, se3_exp
-from core.pose.final.reprojection import MIN_SIGMA_PX, Lifted, apply, reproject, robust_across_px, whitening
+from core.pose.final.reprojection import Lifted, apply, reproject, whitening
 from core.pose.shared.lens import LensCamera, lens_difference, moved_lens
 from core.pose.shared.matches import world_points
+from core.pose.shared.robust import MIN_SIGMA_PX, robust_std
 
 LENS = replace(CAMERA, dist=(-0.12, 0.05, 0.001, -0.002, 0.01))
 
@@ -113,8 +114,8 @@ def test_the_deviation_across_the_lines_ignores_outliers(setting):
     across[:10] = 500.0
     x, y = r.along / np.linalg.norm(r.along, axis=0)
     spoilt = replace(r, residual=across * np.stack([-y, x]))
-    assert robust_across_px(spoilt.across) == pytest.approx(0.4, rel=0.35)
-    assert robust_across_px(0 * spoilt.across) == MIN_SIGMA_PX
+    assert robust_std(spoilt.across) == pytest.approx(0.4, rel=0.35)
+    assert robust_std(0 * spoilt.across) == MIN_SIGMA_PX
 
 
 def test_a_step_of_the_lens_and_its_difference_are_inverse():

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import gc
 import logging
+import os
+import signal
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -104,8 +108,7 @@ def test_a_process_that_dies_costs_no_view(scene, started, caplog, deaths):
     renderer, _ = started
     with caplog.at_level(logging.WARNING):
         for child in renderer._team._ready[-deaths:]:  # the last is asked first
-            child._process.kill()
-            child._process.wait()
+            child.kill()
         found = [renderer.render(CAMERA, pose) for pose in poses(4)]
     alone = Renderer(scene, RenderSettings(threads=1))
     assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, poses(4), strict=True))
@@ -143,7 +146,6 @@ def test_without_processes_views_are_drawn_here(scene, folder, monkeypatch, miss
 
 def test_nothing_is_left_behind(folder, started):
     renderer, starter = started
-    assert list(folder.iterdir())
     renderer.close()
     assert starter.ended()
     assert not list(folder.iterdir())
@@ -191,6 +193,101 @@ def test_one_closed_while_its_processes_start_leaves_none(scene):
     renderer.close()
     wait_for(lambda: not any(t.name == "gssmc-start" for t in threading.enumerate()))
     assert starter.ended()
+
+
+def most_at_once(renderer: ProcessRenderer, monkeypatch: pytest.MonkeyPatch, asked: int = 12) -> int:
+    """How many views are drawn at a time in this process when `asked` are wanted."""
+    lock, now, most = threading.Lock(), [0], [0]
+
+    def draw(*view):
+        with lock:
+            now[0] += 1
+            most[0] = max(most[0], now[0])
+        time.sleep(0.5)
+        with lock:
+            now[0] -= 1
+
+    monkeypatch.setattr(renderer._here, "render", draw)
+    with ThreadPoolExecutor(asked) as pool:
+        list(pool.map(lambda pose: renderer.render(CAMERA, pose), poses(asked)))
+    return most[0]
+
+
+@pytest.mark.parametrize("spare", [False, True])
+def test_processes_that_die_at_their_start_do_not_change_how_many_views_are_drawn(scene, monkeypatch, spare):
+    starter = Starter()
+    with ProcessRenderer(
+        scene, RenderSettings(threads=4), lambda _, environment: starter("no_such_module", environment), spare=spare
+    ) as renderer:
+        wait_for(lambda: len(starter.children) == 3 + spare and not renderer._team._all)
+        assert most_at_once(renderer, monkeypatch) == 4
+
+
+def test_processes_that_die_later_leave_their_views_to_this_one(scene, monkeypatch):
+    with ProcessRenderer(scene, RenderSettings(threads=3)) as renderer:
+        wait_for(ready(renderer, 2))
+        for child in renderer._team._ready:
+            child.kill()
+        assert most_at_once(renderer, monkeypatch) == 3
+
+
+@pytest.mark.skipif(os.name == "nt", reason="SIGSTOP")
+def test_a_process_that_is_stuck_costs_no_view(scene, started, monkeypatch, caplog):
+    renderer, starter = started
+    monkeypatch.setattr(process_renderer, "LIMIT_S", 2.0)
+    for child in starter.children:
+        os.kill(child._process.pid, signal.SIGSTOP)
+    found: list[RenderedView] = []
+    thread = threading.Thread(target=lambda: found.append(renderer.render(CAMERA, Pose())), daemon=True)
+    thread.start()
+    thread.join(LIMIT_S)
+    if thread.is_alive():
+        for child in starter.children:
+            child._process.kill()
+    assert same(found[0], Renderer(scene, RenderSettings(threads=1)).render(CAMERA, Pose()))
+    assert "no answer in 2 s" in caplog.text
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="children are found in /proc")
+@pytest.mark.parametrize("when", ["while its processes start", "while they draw"])
+def test_a_process_that_is_killed_leaves_no_tables_on_disk_and_no_other_process(scene, folder, when):
+    """Killed early, it leaves them until the next one starts."""
+    code = f"""
+import sys, time
+sys.path[:0] = {[str(Path(__file__).parents[3]), str(Path(__file__).parents[1] / "support")]!r}
+from core.geometry.camera import Intrinsics, Pose
+from core.render import ProcessRenderer, RenderSettings, processes
+from render_scenes import cloud, make_scene
+processes.MIN_GAUSSIANS = 1
+renderer = ProcessRenderer(make_scene(*cloud()), RenderSettings(threads=3))
+while {when == "while they draw"} and len(renderer._team._ready) < 2:
+    time.sleep(0.02)
+print("ready", flush=True)
+time.sleep(600)
+"""
+    environment = {**os.environ, "TMPDIR": str(folder)}
+    parent = subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE)
+    assert parent.stdout is not None and parent.stdout.readline() == b"ready\n"
+    children = [int(n) for n in Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()]
+    parent.kill()
+    parent.wait()
+    if when == "while they draw":
+        assert not list(folder.iterdir())
+        assert len(children) == 2
+    for left in folder.iterdir():
+        os.utime(left, (0, 0))
+    with ProcessRenderer(scene, SETTINGS) as renderer:
+        wait_for(ready(renderer, 2))
+        wait_for(lambda: not list(folder.iterdir()))
+    wait_for(lambda: not any(alive(pid) for pid in children))
+
+
+def alive(pid: int) -> bool:
+    state = Path(f"/proc/{pid}/stat")
+    try:
+        return state.read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def test_one_thread_needs_no_process_nor_does_a_small_or_empty_scene(scene, monkeypatch):

@@ -124,13 +124,6 @@ def test_a_tile_with_thousands_of_gaussians_matches_twin(opacity: float) -> None
     assert_same_view(Renderer(scene).render(camera, Pose()), slow)
 
 
-def test_render_many_equals_single_renders() -> None:
-    renderer = Renderer(make_scene(MEANS, SCALES))
-    poses = [Pose(t=np.array([0.1 * i, 0.0, 0.0])) for i in range(3)]
-    for view, pose in zip(renderer.render_many(CAMERA, poses), poses, strict=True):
-        assert np.array_equal(view.color, renderer.render(CAMERA, pose).color)
-
-
 def test_near_plane_is_a_setting() -> None:
     scene = make_scene([[0, 0, 0.1]], 0.01, opacity=0.9)
     assert not Renderer(scene).render(CAMERA, Pose()).alpha.any()

@@ -1,0 +1,73 @@
+"""What the answer to a query depends on, as a short digest: equal keys mean that it need not be found again."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..cameras.files import camera_to_dict
+from ..errors import SplatFormatError
+from ..geometry.camera import Camera
+from ..pose.settings import RefineSettings
+
+KEY_VERSION = 2  # to be raised when the same input gets other answers, or records another form
+BLOCKS, BLOCK_BYTES = 64, 1 << 16  # of a scan, which may have gigabytes
+
+Stamp = tuple[int, int] | None
+
+
+@dataclass(frozen=True)
+class Query:
+    """A start camera, its photo's file, and its mask's where it has one."""
+
+    camera: Camera
+    photo: Path
+    mask: Path | None = None
+
+
+def query_keys(scan: Path, queries: Sequence[Query], settings: RefineSettings) -> list[str]:
+    """Per query, the digest of the scan's content, of what the photo and mask are now, of the settings with the model files
+    they name, and of the start. Two equal queries share a key, and then an answer. Raises SplatFormatError.
+    """
+    options = {name: value for name, value in asdict(settings).items() if name != "threads"}
+    models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
+    common = (KEY_VERSION, scan_digest(scan), options, models)
+    return [
+        job_key(common, camera_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
+        for q in queries
+    ]
+
+
+def job_key(*parts: Any) -> str:
+    """A short digest of `parts`, which JSON can hold."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def stamp(path: Path) -> Stamp:
+    """Size in bytes and time of the last change, ns; None for a file that cannot be read."""
+    try:
+        state = path.stat()
+    except OSError:
+        return None
+    return state.st_size, state.st_mtime_ns
+
+
+def scan_digest(path: Path) -> str:
+    """Digest of a splat file: its size, the time of its last change, and BLOCKS blocks spread over its content, both ends
+    among them. Raises SplatFormatError when it cannot be read.
+    """
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            size, changed = stamp(path) or (0, 0)
+            digest.update(f"{size} {changed}".encode())
+            for k in range(BLOCKS):
+                file.seek(max(0, size - BLOCK_BYTES) * k // (BLOCKS - 1))
+                digest.update(file.read(BLOCK_BYTES))
+    except OSError as error:
+        raise SplatFormatError(f"The splat file '{path}' cannot be read ({error.strerror}); check the path.") from error
+    return digest.hexdigest()

@@ -1,0 +1,140 @@
+"""The verdict's sentences: reasons in plain words for whoever took the photo, and details for who knows the terms.
+
+All pixels are those of the photo as it is. A figure that there is not, or that has no bound, gets words of its own.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from ..report import PoseQuality
+
+CLOSER = "move the camera closer to the photo's view and refine again."
+
+
+def pixels(value: float) -> str:
+    """A distance in the photo as people say it."""
+    if value < 0.1:
+        return "less than 0.1 px"
+    return f"{value:.1f} px" if value < 10 else f"{value:.0f} px"
+
+
+def per_cent(value: float) -> str:
+    """A share that may be small: two digits behind the point below 1 %, none above 10 %."""
+    return f"{value:.2f} %" if value < 1 else f"{value:.1f} %" if value < 10 else f"{value:.0f} %"
+
+
+def trusted(q: PoseQuality) -> tuple[str, ...]:
+    return (
+        f"The splat sits on the photo to {pixels(q.offset_px_of_photo)}.",
+        f"{q.views_used} views of the splat from around it lead to the same camera.",
+    )
+
+
+def too_few_corners(q: PoseQuality) -> str:
+    return f"{_few_corners(q)}, too few to judge the camera: use a photo with more of the scan in it, or {CLOSER}"
+
+
+def few_corners(q: PoseQuality) -> str:
+    return f"{_few_corners(q)}, too few to judge the camera; compare photo and splat by eye."
+
+
+def _few_corners(q: PoseQuality) -> str:
+    if q.corners == 0:
+        return "None of the photo's corners lies on the splat"
+    return f"Only {q.corners} of the photo's corners lie{'s' * (q.corners == 1)} on the splat"
+
+
+def another_place(q: PoseQuality) -> str:
+    return (
+        f"Only {100 * q.agreement:.0f} % of the photo's corners sit where the splat shows them; the photo may show another "
+        f"place, or the start was too far off: {CLOSER}"
+    )
+
+
+def fits_in_part(q: PoseQuality) -> str:
+    return f"Only {100 * q.agreement:.0f} % of the photo's corners sit where the splat shows them; compare the two by eye."
+
+
+def start_kept(start: PoseQuality, refined: PoseQuality) -> str:
+    return (
+        f"The start camera fits the photo better ({100 * start.agreement:.0f} % of its corners against "
+        f"{100 * refined.agreement:.0f} %) and was kept."
+    )
+
+
+def few_views(q: PoseQuality) -> str:
+    views = "view matches" if q.views_used == 1 else "views match"
+    return f"Only {q.views_used} rendered {views} the photo; {CLOSER}"
+
+
+def few_matches(q: PoseQuality) -> str:
+    return f"Only {q.inliers} matches hold the camera; a sharper photo or a closer start gives more."
+
+
+def uncovered(q: PoseQuality) -> str:
+    return f"The matches cover {100 * q.coverage:.0f} % of the photo; the camera may be tilted where there are none."
+
+
+def views_apart(q: PoseQuality) -> str:
+    if not isfinite(q.rms_px_of_photo):
+        return "No match fits the camera that was found; check focal length and distortion."
+    return f"The matches fit only to {pixels(q.rms_px_of_photo)}; check focal length and distortion."
+
+
+def halves_apart(q: PoseQuality) -> str:
+    if not (isfinite(q.disagreement_pct) and isfinite(q.disagreement_deg)):
+        return "There are too few views to check one half of them against the other."
+    return (
+        f"Two halves of the views put the camera {per_cent(q.disagreement_pct)} of the distance to the scene and "
+        f"{q.disagreement_deg:.2f} degrees apart."
+    )
+
+
+def place_uncertain(q: PoseQuality) -> str:
+    if not isfinite(q.translation_std_pct):
+        return "The matches leave open where the camera stands."
+    return f"Where the camera stands is known only to {per_cent(q.translation_std_pct)} of the distance to the scene."
+
+
+def focal_uncertain(q: PoseQuality) -> str:
+    if not isfinite(q.focal_std_pct):
+        return "The matches leave the focal length open; give it, if it is known."
+    return f"The focal length is known only to {per_cent(q.focal_std_pct)}; give it, if it is known."
+
+
+def other_lens(q: PoseQuality) -> str:
+    return (
+        f"With another focal length and distortion the matches fit {q.lens_gain_pct:.0f} % better; "
+        "check the lens, or have it solved for in full."
+    )
+
+
+def details(q: PoseQuality) -> tuple[str, ...]:
+    """The figures behind a verdict, those that there are."""
+    said = [_agreement(q)]
+    if q.inliers and isfinite(q.rms_px_of_photo):
+        said.append(
+            f"{q.inliers} matches in {q.views_used} views, over {100 * q.coverage:.0f} % of the photo, have an epipolar RMS of "
+            f"{q.rms_px_of_photo:.2f} px of the photo."
+        )
+    if isfinite(q.disagreement_pct) and isfinite(q.disagreement_deg):
+        said.append(
+            f"Two halves of the views differ by {q.disagreement_pct:.3f} % of the median depth and "
+            f"{q.disagreement_deg:.3f} degrees."
+        )
+    if isfinite(q.translation_std_pct) and isfinite(q.rotation_std_deg):
+        focal = f", of the focal length {q.focal_std_pct:.2f} %" if isfinite(q.focal_std_pct) else ""
+        said.append(
+            f"Standard deviation of the position {q.translation_std_pct:.3f} % of the median depth, of the rotation "
+            f"{q.rotation_std_deg:.3f} degrees{focal}."
+        )
+    if isfinite(q.lens_gain_pct) and q.lens_gain_pct > 0:
+        said.append(f"With focal length, k1 and k2 free the RMS falls by {q.lens_gain_pct:.0f} %.")
+    return tuple(said)
+
+
+def _agreement(q: PoseQuality) -> str:
+    whose = {"refined": "the refined camera", "start": "the start camera", "rejected": "the camera that was found"}[q.of]
+    offset = f", with a median offset of {q.offset_px_of_photo:.2f} px of the photo" if isfinite(q.offset_px_of_photo) else ""
+    return f"{100 * q.agreement:.0f} % of {q.corners} corners of the photo sit on the render through {whose}{offset}."

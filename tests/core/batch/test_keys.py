@@ -1,0 +1,104 @@
+"""Answers are taken up again only where all that they depend on is as it was, whatever the files are called."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.batch.keys import BLOCK_BYTES, BLOCKS, Query, job_key, query_keys, scan_digest
+from core.errors import SplatFormatError
+from core.geometry.camera import Camera, Intrinsics, Pose
+from core.pose.settings import RefineSettings
+
+CAMERA = Camera(Intrinsics(640, 480, 500, 500, 320, 240), Pose(), "photo.jpg")
+TIME_NS = 1_700_000_000_123_456_789
+
+
+def put(path, data, time_ns=TIME_NS):
+    path.write_bytes(data)
+    os.utime(path, ns=(time_ns, time_ns))
+    return path
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A scan that is larger than what is read of it, a photo, a mask, a model."""
+    put(tmp_path / "scan.ply", np.random.default_rng(0).bytes(2 * BLOCKS * BLOCK_BYTES))
+    for name in ("photo.jpg", "mask.png", "model.onnx"):
+        put(tmp_path / name, b"0123456789")
+    return tmp_path
+
+
+def key(files, **settings):
+    query = Query(CAMERA, files / "photo.jpg", files / "mask.png")
+    return query_keys(files / "scan.ply", [query], RefineSettings(model=str(files / "model.onnx"), **settings))[0]
+
+
+def test_the_same_files_have_the_same_key(files):
+    assert key(files) == key(files)
+    assert key(files, threads=1) == key(files, threads=7)
+
+
+def test_a_renamed_scan_is_the_same_scan(files):
+    before = key(files)
+    (files / "scan.ply").rename(files / "other.ply")
+    query = Query(CAMERA, files / "photo.jpg", files / "mask.png")
+    assert query_keys(files / "other.ply", [query], RefineSettings(model=str(files / "model.onnx")))[0] == before
+
+
+@pytest.mark.parametrize("where", [0, -1, 0.25, 0.5, 0.9])
+def test_another_training_of_the_same_size_under_the_same_name_is_another_scan(files, where):
+    """Also where it has the same time, as archives and copies give it. Changed at one place only, and over a stretch that no
+    reading of spread-out blocks can miss.
+    """
+    before, scan = key(files), files / "scan.ply"
+    data = bytearray(scan.read_bytes())
+    begin = len(data) - BLOCK_BYTES if where == -1 else int(where * len(data))
+    length = 4 if where in (0, -1) else 2 * len(data) // BLOCKS
+    data[begin : begin + length] = bytes(255 - b for b in data[begin : begin + length])
+    put(scan, bytes(data))
+    assert key(files) != before
+
+
+@pytest.mark.parametrize("name", ["scan.ply", "photo.jpg", "mask.png", "model.onnx"])
+def test_every_file_counts_by_its_time_and_its_size(files, name):
+    before, data = key(files), (files / name).read_bytes()
+    put(files / name, data, TIME_NS + 1)  # replaced by another in the same second
+    later = key(files)
+    put(files / name, data + b"x")
+    assert len({before, later, key(files)}) == 3
+
+
+def test_settings_start_and_mask_count(files):
+    keys = {key(files), key(files, seed=5)}
+    for query in (
+        Query(replace(CAMERA, pose=Pose(np.eye(3), [0, 0, 1])), files / "photo.jpg", files / "mask.png"),
+        Query(CAMERA, files / "photo.jpg"),
+        Query(CAMERA, files / "mask.png", files / "mask.png"),
+    ):
+        keys |= set(query_keys(files / "scan.ply", [query], RefineSettings(model=str(files / "model.onnx"))))
+    assert len(keys) == 5
+
+
+def test_photos_that_are_missing_have_a_key_and_another_once_they_are_there(files):
+    (files / "photo.jpg").unlink()
+    before = key(files)
+    put(files / "photo.jpg", b"0123456789")
+    assert key(files) != before
+
+
+def test_a_small_scan_is_read_whole(tmp_path):
+    digests = {scan_digest(put(tmp_path / "s.ply", b"a" * k + b"b" + b"a" * (9 - k))) for k in range(10)}
+    assert len(digests) == 10
+
+
+def test_a_scan_that_cannot_be_read_is_one_sentence(tmp_path):
+    with pytest.raises(SplatFormatError, match=r"cannot be read .*check the path\.$"):
+        scan_digest(Path(tmp_path))
+
+
+def test_key_changes_with_everything_it_is_made_of():
+    assert job_key("s", 1, {"a": 1, "b": 2}) == job_key("s", 1, {"b": 2, "a": 1})
+    assert len({job_key("s", 1, {}), job_key("s", 2, {}), job_key("t", 1, {}), job_key("s", 1, {"a": 0})}) == 4
