@@ -15,7 +15,7 @@ from core.pose.report_json import quality_to_dict
 from core.pose.shared.lens import LensCamera
 from core.pose.shared.matches import ViewMatches
 from core.pose.verdict import words
-from core.pose.verdict.verdict import assess, fits_better, judge
+from core.pose.verdict.verdict import Matched, assess, fits_better, judge
 from core.pose.verdict.verify import FinalView
 
 GOOD = PoseQuality(
@@ -134,7 +134,7 @@ def test_the_loop_and_the_last_stage_are_judged_in_the_same_pixels(stage, long_s
     loop = Intrinsics(640, 320, 500.0, 500.0, 320.0, 160.0)
     views = [ViewMatches(Pose(), np.zeros((5, 2)), np.zeros((5, 2)), np.ones(5), np.ones(5))]
     seen = FinalView(500, 0.8, 2.4, 0.9, 1.0)
-    quality = assess(solution(stage, long_side, rms_px), views, seen, loop, photo, 2.0)
+    quality = assess(solution(stage, long_side, rms_px), Matched(views, loop, 2.0), seen, photo)
     assert quality.rms_px_of_photo == pytest.approx(2.4)
     assert quality.offset_px_of_photo == 2.4 and quality.pose == Pose() and quality.of == "refined"
     assert quality.disagreement_pct == pytest.approx(0.1)
