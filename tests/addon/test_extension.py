@@ -21,6 +21,7 @@ PYTHON_45 = REPO / ".venv45" / "bin" / "python"
 CHECKS_45 = [check for check in CHECKS if check.stem not in ("check_docs", "check_fox")]
 
 PYTHONS = {"test_inside_blender": sys.executable, "test_inside_blender_45": str(PYTHON_45)}
+ENVIRONMENT = dict(os.environ)  # copied once: pytest changes it while the checks are started from threads
 AT_ONCE = 2  # most checks keep one core busy
 
 pytest.importorskip("bpy", reason="ring 2 needs Blender as a Python module (bpy)")
@@ -63,7 +64,7 @@ def test_inside_blender_45(check, runs, request):
 
 def run_inside(python, check, extension_zip, tmp_path):
     """What came of the check, as `subprocess.run` has it."""
-    environment = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
+    environment = dict(ENVIRONMENT, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
     command = [python, "-m", "pytest", "-p", "no:cacheprovider", "-o", "python_files=check_*.py"]
     command += [
         "-o",
