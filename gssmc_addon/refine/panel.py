@@ -99,7 +99,9 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
     title, icon, texts = _outcome(note, last.message)
     changed = camera_solution.title(context.scene, camera) if camera and not jobs.active() else ""
     if changed:
-        title, icon, texts = changed, camera_props.VERDICT_ICONS[camera_solution.CHANGED], [title, *texts]
+        below = 1 if last.message else 0  # the message stays first, with its icon
+        texts = [*texts[:below], title, *texts[below:]]
+        title, icon = changed, camera_props.VERDICT_ICONS[camera_solution.CHANGED]
     row = box.row()
     row.label(text=title, icon=icon)
     row.prop(last, "details", text="", icon="DISCLOSURE_TRI_DOWN" if last.details else "DISCLOSURE_TRI_RIGHT", emboss=False)
