@@ -29,7 +29,7 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
     """Import a 3D Gaussian Splatting scan as a point cloud"""
 
     bl_idname = "gssmc.import_splats"
-    bl_label = "Import Gaussian Splats"
+    bl_label = "Import Splats"  # also the file browser's button, which cuts longer ones off
     bl_options = {"UNDO", "PRESET"}
 
     filter_glob: StringProperty(default=splat_import.FILTER, options={"HIDDEN"})

@@ -141,6 +141,12 @@ def test_the_folders_browser_shows_the_photos(bpy, tmp_path):
     assert len(bpy.context.scene.gssmc.photos) == 2
 
 
+@pytest.mark.parametrize("name", ["import_splats", "import_cameras", "export_cameras", "add_photo_folder", "set_masks"])
+def test_the_browsers_button_has_room_for_its_name(bpy, name):
+    """Blender writes the operator's name on it and cuts off what is longer than about 18 characters."""
+    assert len(getattr(bpy.ops.gssmc, name).get_rna_type().name) <= 18
+
+
 def test_any_photo_of_the_folder_may_stand_for_it(bpy, tmp_path):
     for name in ("a.png", "b.png"):
         write_photo(tmp_path / name)
