@@ -35,6 +35,7 @@ from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
+from .preview import watch as preview_watch
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
@@ -82,11 +83,13 @@ def register() -> None:
     jobs.register()
     camera_frame.register()
     viewport.register()
+    preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
 
 def unregister() -> None:
     jobs.unregister()  # first: a running job uses all the rest
+    preview_watch.unregister()
     viewport.unregister()
     camera_frame.unregister()
     flicker.unregister()

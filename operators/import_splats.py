@@ -97,7 +97,7 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
 
     def apply(self, context, job, result):
         obj, scene = job.finish(context), job.scene
-        if self.show_colours and not (viewport_props.is_drawable() or splat_object.has_native_type(obj.data)):
+        if self.show_colours and not (viewport_props.is_drawable() or splat_object.is_native(obj.data)):
             splat_display.show_colours(context)
         values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
         words = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]

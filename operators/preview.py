@@ -8,6 +8,7 @@ from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.preview import images as preview_images
 from ..gssmc_addon.preview import job as preview_job
 from ..gssmc_addon.preview import options as preview_options
+from ..gssmc_addon.preview import watch as preview_watch
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.support.operator_parts import NeedsPhoto
 from ..gssmc_addon.support.texts import rpt_
@@ -32,12 +33,10 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
         for name in preview_options.annotations():  # what is not said is as in the panel
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(own, name))
-        if not said_background and self.style not in preview_options.BACKGROUND:
+        if not said_background and self.style not in preview_options.IN_VIEWPORT:
             self.background = False  # the panel does not show its switch for these
-        if self.background and self.style not in preview_options.BACKGROUND:
-            raise RefineError(
-                rpt_("This style cannot stand behind the camera; choose Diagonal, Wipe, Squares, Difference or Render.")
-            )
+        if self.background and self.style not in preview_options.IN_VIEWPORT:
+            raise RefineError(rpt_("This style shows in an Image Editor only; for the viewport choose another style."))
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
         if self.camera and camera is None:
             raise RefineError(rpt_('There is no camera "{name}"; give the name of a camera object.', name=self.camera))
@@ -52,15 +51,28 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
             preview_images.put_pair(result.pair, job.inputs.key)
         image = preview_images.find("render") if self.style == "FLICKER" else preview_images.put_picture(result.picture)
         shown = preview_images.show(image)
-        preview_images.set_behind(camera.data, image if self.background else None)
-        context.window_manager.gssmc.preview.flicker = self.style == "FLICKER" and shown
+        if self.background:
+            preview_watch.mark(camera, job.inputs.camera, image)
+            _look_through(context, camera)
+        preview_images.show_in_viewport(camera.data, image if self.background else None)
         words, seen = [_told(camera, result)], shown or self.background
+        context.window_manager.gssmc.preview.flicker = self.style == "FLICKER" and seen
         if not seen:
             words.append(rpt_('Open an Image Editor and pick "{image}" in its header to see it.', image=image.name))
         return self.done(context, " ".join(words), line="" if seen and not result.matches else " ".join(words))
 
     def stopped(self, context, job):
         return self.refuse(context, rpt_("The preview was cancelled."), level="INFO")
+
+
+def _look_through(context, camera):
+    """Turns the viewport at hand to the scene's camera, where none looks through it yet: else the picture is nowhere to see."""
+    areas = (area for window in context.window_manager.windows for area in window.screen.areas if area.type == "VIEW_3D")
+    spaces = [area.spaces.active for area in areas]
+    looking = any(space.region_3d.view_perspective == "CAMERA" and space.camera == camera for space in spaces)
+    if spaces and not looking and camera == context.scene.camera:
+        here = context.space_data if context.area and context.area.type == "VIEW_3D" else spaces[0]
+        here.region_3d.view_perspective = "CAMERA"
 
 
 def _told(camera, result):

@@ -15,5 +15,5 @@ PRESETS: dict[str, RefineSettings] = {
 QUALITIES: dict[str, Mapping[str, int]] = {
     "draft": {"iterations": 3, "candidates": 4, "long_side_px": 480, "final_long_side_px": 960},
     "normal": {"iterations": 5, "candidates": 6, "long_side_px": 640, "final_long_side_px": 1280},
-    "best": {"iterations": 8, "candidates": 10, "long_side_px": 640, "final_long_side_px": 1920},
+    "best": {"iterations": 8, "candidates": 12, "long_side_px": 960, "final_long_side_px": 2560},
 }

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.errors import CameraError
 from ...core.geometry.camera import Pose, pose_error
 from ..camera import bridge as camera_bridge
+from ..camera import solution as camera_solution
 from . import list as photo_list
 
 NEAR, SPREAD = 2, 2  # tries from the nearest cameras, and from ones that lie far from those and from each other
@@ -31,7 +32,7 @@ def starts(scene: bpy.types.Scene, splat: bpy.types.Object, camera: int) -> list
     ones see the scene from all around. Where photos are trusted, those that are to be checked are no starts.
     """
     own = next((c for c in photo_list.cameras(scene) if c.session_uid == camera), None)
-    found = {c: c.data.gssmc.verdict for c in photo_list.cameras(scene) if c != own}
+    found = {c: camera_solution.verdict(scene, c) for c in photo_list.cameras(scene) if c != own}
     best = next((word for word in ("TRUSTED", "CHECK") if word in found.values()), "")
     solved = [n for n in (_neighbour(scene, splat, c) for c, verdict in found.items() if verdict == best) if n] if best else []
     here = _neighbour(scene, splat, own) if own else None

@@ -69,8 +69,8 @@ class GSSMC_PT_photos(panels._Sidebar, bpy.types.Panel):
 
 def _draw_review(layout: bpy.types.UILayout) -> None:
     row = layout.row(align=True)
-    row.operator("gssmc.review", text="Previous", icon="TRIA_LEFT").step = -1
-    row.operator("gssmc.review", text="Next", icon="TRIA_RIGHT").step = 1
+    row.operator("gssmc.review", text="Previous").step = -1
+    row.operator("gssmc.review", text="Next").step = 1
     unsure = row.operator("gssmc.review", text="", icon="QUESTION")
     unsure.step, unsure.skip_trusted = 1, True
 
@@ -95,9 +95,7 @@ def _draw_said(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     entry = own.photos[own.photo_index] if own.photo_index < len(own.photos) else None
     error = _error(context.scene, entry) if entry else ""
     note = entry.note if entry else ""
-    panels.draw_text(
-        layout.box(), context, error or note, icon="ERROR" if error else "INFO" if note else "NONE", least=SAID_LINES
-    )
+    panels.draw_text(layout, context, error or note, icon="ERROR" if error else "INFO" if note else "NONE", least=SAID_LINES)
 
 
 def _error(scene: bpy.types.Scene, entry: GssmcPhoto) -> str:

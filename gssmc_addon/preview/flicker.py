@@ -1,4 +1,4 @@
-"""Flicker: a timer that shows photo and render in turn in the Image Editor. It runs while the window's `flicker` is on."""
+"""Flicker: a timer that shows photo and render in turn, wherever one of them shows, while the window's `flicker` is on."""
 
 from __future__ import annotations
 
@@ -26,6 +26,11 @@ def _toggle() -> float | None:
         if space.image in pair:
             space.image = pair[0] if space.image == pair[1] else pair[1]
             area.tag_redraw()
+    data = preview_images.in_viewport()
+    for slot in data.background_images if data else ():
+        if slot.image in pair:
+            slot.image = pair[0] if slot.image == pair[1] else pair[1]
+            data.update_tag()
     return INTERVAL_S
 
 

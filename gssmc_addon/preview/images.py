@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -16,6 +17,18 @@ NAMES = {"picture": "GS-SMC Preview", "photo": "GS-SMC Photo", "render": "GS-SMC
 def find(kind: str) -> bpy.types.Image | None:
     """The image of a kind ("picture", "photo" or "render"), whatever the user called it since."""
     return next((image for image in bpy.data.images if image.get(MARK) == kind), None)
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a pair of photo and render belongs to: the view, and what the splat holds; `splat` "" is any."""
+
+    view: str
+    splat: str = ""
+
+    def fits(self, kept: object) -> bool:
+        view, _, splat = str(kept).partition(" ")
+        return view == self.view and self.splat in ("", splat)
 
 
 def put(kind: str, png: bytes, size: tuple[int, int], key: str = "") -> bpy.types.Image:
@@ -32,18 +45,19 @@ def put(kind: str, png: bytes, size: tuple[int, int], key: str = "") -> bpy.type
     return image
 
 
-def put_pair(pair: Comparison, key: str) -> None:
+def put_pair(pair: Comparison, key: Key) -> None:
     """Keeps photo and render for other styles of the same view."""
+    mark = f"{key.view} {key.splat}"
     size = (pair.photo.shape[1], pair.photo.shape[0])
     alpha = np.where(pair.solid, 255, 0).astype(np.uint8)[..., None]
-    put("photo", encode_png(pair.photo), size, key)
-    put("render", encode_png(np.concatenate([pair.render, alpha], axis=2)), size, key)
+    put("photo", encode_png(pair.photo), size, mark)
+    put("render", encode_png(np.concatenate([pair.render, alpha], axis=2)), size, mark)
 
 
-def packed_pair(key: str) -> tuple[bytes, bytes] | None:
-    """The kept photo and render of the view `key` as PNG, None when the view is another one."""
+def packed_pair(key: Key) -> tuple[bytes, bytes] | None:
+    """The kept photo and render of `key` as PNG, None when they belong to another."""
     images = [find("photo"), find("render")]
-    if any(image is None or image.get(KEY) != key or not image.packed_file for image in images):
+    if any(image is None or not key.fits(image.get(KEY)) or not image.packed_file for image in images):
         return None
     return bytes(images[0].packed_file.data), bytes(images[1].packed_file.data)
 
@@ -71,24 +85,28 @@ def show(image: bpy.types.Image) -> bool:
     areas = sorted(editors(), key=lambda area: area.width * area.height, reverse=True)
     if not areas:
         return False
-    ours = [area for area in areas if _is_ours(area.spaces.active.image)]
+    ours = [area for area in areas if is_ours(area.spaces.active.image)]
     area = (ours or areas)[0]
     area.spaces.active.image = image
     area.tag_redraw()
     return True
 
 
-def _is_ours(image: bpy.types.Image | None) -> bool:
+def is_ours(image: bpy.types.Image | None) -> bool:
     return image is not None and MARK in image
 
 
-def set_behind(data: bpy.types.Camera | None, image: bpy.types.Image | None) -> None:
-    """Makes `image` the preview background of this camera, and of no other; None takes the preview away everywhere.
+def in_viewport() -> bpy.types.Camera | None:
+    """The camera through which viewports show a preview."""
+    return next((data for data in bpy.data.cameras for slot in data.background_images if is_ours(slot.image)), None)
 
-    The photo's own background stays.
+
+def show_in_viewport(data: bpy.types.Camera | None, image: bpy.types.Image | None) -> None:
+    """Makes `image` a picture before the scene for who looks through this camera, and through no other; None takes the preview
+    away everywhere. The photo's own background stays.
     """
     for camera in bpy.data.cameras:  # there is one picture, which another camera must not show as its own
-        slots = [slot for slot in camera.background_images if _is_ours(slot.image)]
+        slots = [slot for slot in camera.background_images if is_ours(slot.image)]
         keep = 1 if image is not None and camera == data else 0
         for slot in slots[keep:]:
             camera.background_images.remove(slot)
@@ -96,7 +114,7 @@ def set_behind(data: bpy.types.Camera | None, image: bpy.types.Image | None) -> 
             camera.update_tag()  # removing a background alone does not reach the viewport's copy of the camera
     if image is None or data is None:
         return
-    slot = next((slot for slot in data.background_images if _is_ours(slot.image)), None) or data.background_images.new()
+    slot = next((slot for slot in data.background_images if is_ours(slot.image)), None) or data.background_images.new()
     slot.image, slot.alpha, slot.frame_method, slot.display_depth = image, 1.0, "FIT", "FRONT"
     slot.show_background_image = data.show_background_images = True
     data.update_tag()

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ...core.errors import GssmcError, RefineError
+from ...core.errors import RefineError
 from ...core.geometry.camera import Camera, Intrinsics, Pose
 from ...core.photos.photo import Photo, check_size
 from ...core.pictures import compare as compare_pictures
@@ -27,11 +29,10 @@ from ..photo import mask as mask_source
 from ..photo.image import PhotoSource
 from ..plate import source as plate_source
 from ..splat import object as splat_object
-from ..splat.copy import SplatCopying
+from ..splat.copy import SplatCopying, digest
 from ..splat.renderer import SplatRenderer
 from ..support.texts import n_, rpt_
 from . import images as preview_images
-from . import options as preview_options
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ class PreviewInputs:
     settings: RefineSettings
     splat: SplatRenderer | None
     kept: tuple[bytes, bytes] | None
-    key: str
+    key: preview_images.Key
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,7 @@ def gather(
     if photo is None:
         raise RefineError(rpt_("The scene's camera has no photo; use Add Photo in the GS-SMC panel."))
     copy, source = camera_bridge.read_camera(scene, camera, splat), plate_source.source_at(scene, camera, photo)
-    key = view_key(copy, source, splat, options)
+    key = preview_images.Key(view_key(copy, source, splat, options), content_key(splat))
     kept = preview_images.packed_pair(key)
     needed = kept is None or options.style == "MATCHES"
     copying = SplatCopying(splat) if needed else None
@@ -156,46 +157,28 @@ def gather(
 
 
 def view_key(copy: CameraCopy, source: PhotoSource, splat: bpy.types.Object, options: PreviewOptions) -> str:
-    """Tells one view from another, so that changing the style does not render again."""
+    """Tells one view of one photo from another, so that changing the style does not render again. `content_key` tells what the
+    splat holds.
+    """
     numbers = np.concatenate([copy.pose.R.ravel(), copy.pose.t, copy.dist])
-    parts = (
-        numbers.tobytes(),
-        copy.lens,
-        copy.frame,
-        copy.photo_pixel,
-        source.name,
-        source.path,
-        splat.session_uid,
-        len(splat.data.points),
-        options.long_side_px,
-    )
+    photo = (source.name, source.path, _stamp(Path(source.path)), zlib.crc32(getattr(source, "packed", None) or b""))
+    parts = (numbers.tobytes(), copy.lens, copy.frame, copy.photo_pixel, photo, splat.session_uid, options.long_side_px)
     return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def content_key(splat: bpy.types.Object) -> str:
+    """Tells an edited splat from what it was: of all its values, 0.2 s for a million Gaussians of SH degree 3."""
+    return f"{len(splat.data.points)} {digest(splat.data):08x}"
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Tells a file from another that took its place; zeros where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
 
 
 def options_of(own: bpy.types.PropertyGroup) -> PreviewOptions:
     return PreviewOptions(own.style, own.position, own.long_side_px)
-
-
-def restyle(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    """The panel's style or wipe was changed: the shown picture is made anew where photo and render of this view are kept."""
-    camera, splat = context.scene.camera, context.scene.gssmc.splat
-    self.flicker = False
-    if self.style in ("FLICKER", "MATCHES") or not camera or camera.type != "CAMERA" or not splat_object.is_splat(splat):
-        return
-    options, photo = options_of(self), photo_image.camera_photo(camera)
-    if photo is None:
-        return
-    try:
-        copy, source = (
-            camera_bridge.read_camera(context.scene, camera, splat),
-            plate_source.source_at(context.scene, camera, photo),
-        )
-    except GssmcError:
-        return  # the button says what is wrong
-    kept = preview_images.packed_pair(view_key(copy, source, splat, options))
-    pair = preview_images.unpack_pair(kept) if kept else None
-    if pair is not None:
-        picture = preview_images.put_picture(compose(options, pair))
-        preview_images.show(picture)
-        if self.background and self.style in preview_options.BACKGROUND:
-            preview_images.set_behind(camera.data, picture)

@@ -17,14 +17,16 @@ STYLES = (
     ("SQUARES", "Squares", "Photo and render in turn, as on a chessboard"),
     ("DIFFERENCE", "Difference", "Dark where photo and render agree, bright where they differ; exposure is evened out"),
     ("RENDER", "Render", "The splat alone, as the photo's camera sees it"),
-    ("FLICKER", "Flicker", "Photo and render in turn, twice a second, in the Image Editor"),
+    ("FLICKER", "Flicker", "Photo and render in turn, twice a second"),
     ("MATCHES", "Matches", "The features by which both are recognised in each other: green where they sit at the same place"),
 )
-BACKGROUND = ("DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER")  # those of the photo's own shape, which stand still
+IN_VIEWPORT = ("DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER", "FLICKER")  # those of the photo's own shape
 
 
-def annotations(update: Callable | None = None, background_update: Callable | None = None) -> dict[str, object]:
-    """The options as Blender properties; `update` is called when one that needs no new render is changed."""
+def annotations(
+    update: Callable | None = None, position_update: Callable | None = None, background_update: Callable | None = None
+) -> dict[str, object]:
+    """The options as Blender properties, with what is called when the style, the wipe's line, or its place is changed."""
     return {
         "style": EnumProperty(
             name="Style",
@@ -40,12 +42,13 @@ def annotations(update: Callable | None = None, background_update: Callable | No
             min=0,
             max=1,
             subtype="FACTOR",
-            update=update,
+            update=position_update,
         ),
         "background": BoolProperty(
-            name="Behind the Camera",
-            description="Also show the picture as a background of the camera",
-            default=False,
+            name="Show in Viewport",
+            description="Show the picture where the viewport looks through the camera, until the camera is moved; an Image "
+            "Editor, where one is open, shows it too",
+            default=True,
             update=background_update,
         ),
         "long_side_px": IntProperty(

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import bpy
 
+from ..jobs import slot as jobs
 from ..photo import image as photo_image
 from ..refine import panel as panels
+from ..support.texts import iface_
+from . import images as preview_images
 from . import options as preview_options
 
 
@@ -21,11 +24,14 @@ class GSSMC_PT_preview(panels._Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, own = self.layout, context.window_manager.gssmc.preview
         column = layout.column(align=True)
+        column.enabled = not jobs.active()  # what is chosen is what is shown
         column.prop(own, "style", text="")
         if own.style == "WIPE":
             column.prop(own, "position", slider=True)
-        if own.style in preview_options.BACKGROUND:
+        if own.style in preview_options.IN_VIEWPORT:
             layout.prop(own, "background")
+        elif not any(preview_images.editors()):
+            panels.draw_text(layout, context, iface_("This style shows in an Image Editor; open one, or choose another style."))
         if own.flicker:
             layout.prop(own, "flicker", toggle=True, icon="PAUSE")
         layout.operator("gssmc.preview", icon="IMAGE_RGB")

@@ -9,28 +9,34 @@ from . import flicker
 from . import options as preview_options
 
 
-def _changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    from . import job as preview_job  # it needs the properties, which need this module
+def _style_changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    from . import restyle  # it needs the properties, which need this module
 
-    preview_job.restyle(self, context)
+    restyle.style_changed(self, context)
+
+
+def _position_changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    from . import restyle
+
+    restyle.position_changed(self, context)
 
 
 def _background_changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     from . import images as preview_images
-    from . import job as preview_job
+    from . import restyle
 
     if self.background:
-        preview_job.restyle(self, context)
+        restyle.style_changed(self, context)
     else:
-        preview_images.set_behind(None, None)
+        preview_images.show_in_viewport(None, None)
 
 
 class GssmcPreview(bpy.types.PropertyGroup):
     """The preview's options as the panel shows them, and whether the flicker runs."""
 
     __annotations__ = {
-        **preview_options.annotations(_changed, _background_changed),
+        **preview_options.annotations(_style_changed, _position_changed, _background_changed),
         "flicker": BoolProperty(
-            name="Flicker", description="Photo and render take turns in the Image Editor", default=False, update=flicker.changed
+            name="Flicker", description="Photo and render take turns, twice a second", default=False, update=flicker.changed
         ),
     }

@@ -15,6 +15,7 @@ from ..support import wrapping
 from ..support.texts import iface_
 from ..viewport import props as viewport_props
 
+LINE_SCALE = 0.8  # of a line of text
 OUTCOME_LINES = 4  # in a sidebar of the usual width the first sentence of a verdict, which is then the plainest
 
 
@@ -92,51 +93,62 @@ def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera:
 
 def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
     """What came of it: a title and OUTCOME_LINES lines of text, all of it when unfolded. Where the camera is no
-    longer what was solved, the title says so, and the way back stands beside it.
+    longer what was solved, the title says so, and the way back takes the place of a line.
     """
     last, note = context.window_manager.gssmc, camera.data.gssmc if camera else None
-    title, icon, texts = _outcome(note, last.message)
+    titles, icon, texts = _outcome(note, last.message)
     changed = camera_solution.title(context.scene, camera) if camera and not jobs.active() else ""
+    room = wrapping.room_px(context, icon=True) - wrapping.ICON_PX  # of the arrow
+    if changed:
+        titles, icon, texts = [changed], camera_props.VERDICT_ICONS[camera_solution.CHANGED], [titles[0], *texts]
     row = box.row()
-    if changed:
-        title, icon, texts = changed, camera_props.VERDICT_ICONS[camera_solution.CHANGED], [title, *texts]
-    row.label(text=title, icon=icon)
-    if changed:
-        row.operator("gssmc.back_to_solution", text="", icon="LOOP_BACK")
+    row.label(text=next((text for text in titles if wrapping.fits(text, room)), titles[-1]), icon=icon)
     row.prop(last, "details", text="", icon="DISCLOSURE_TRI_DOWN" if last.details else "DISCLOSURE_TRI_RIGHT", emboss=False)
+    column = _column_of_lines(box)
+    if changed:
+        column.operator("gssmc.back_to_solution", icon="LOOP_BACK")
     icon = last.message_icon if last.message and not jobs.active() else "NONE"
     if last.details:
         for text in texts or [""]:
             draw_text(box, context, text, icon=icon)
             icon = "NONE"
     else:
-        _draw_lines(box, wrapping.fitted(texts, wrapping.room_px(context, icon != "NONE"), OUTCOME_LINES), icon)
+        count = OUTCOME_LINES - 1 if changed else OUTCOME_LINES
+        _draw_lines(column, wrapping.fitted(texts, wrapping.room_px(context, icon != "NONE"), count), icon)
 
 
-def _outcome(note: camera_props.GssmcCamera | None, message: str) -> tuple[str, str, list[str]]:
-    """Title, icon and texts, in the user's language: of a job its progress, else the last message and the camera's verdict."""
+def _outcome(note: camera_props.GssmcCamera | None, message: str) -> tuple[list[str], str, list[str]]:
+    """Title (the longest first), icon and texts: of a job its progress, else the last message and the camera's verdict."""
     job = jobs.active()
     if job:
-        return iface_("Working"), "TIME", [job.detail]
+        return [iface_("Working")], "TIME", [job.detail]
     if note is None:
-        title, texts = iface_("No photo yet"), [iface_("Import a splat and add a photo that was taken there.")]
+        titles, texts = [iface_("No photo yet")], [iface_("Import a splat and add a photo that was taken there.")]
     elif note.verdict == "NONE":
-        title, texts = iface_("Not refined yet"), [iface_("Bring the camera to about where the photo was taken, then refine.")]
+        titles, texts = (
+            [iface_("Not refined yet")],
+            [iface_("Bring the camera to about where the photo was taken, then refine.")],
+        )
     else:
-        title, texts = camera_props.verdict_title(note), note.reasons.splitlines()
+        titles = [camera_props.verdict_title(note), iface_(camera_props.VERDICT_NAMES[note.verdict])]
+        texts = note.reasons.splitlines()
     icon = camera_props.VERDICT_ICONS[note.verdict] if note and note.verdict != "NONE" else "BLANK1"
-    return title, icon, [message, *texts] if message else texts
+    return titles, icon, [message, *texts] if message else texts
 
 
 def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", least: int = 0) -> None:
     """A sentence in the user's language, wrapped to the sidebar's width; empty lines make it at least `least` lines high."""
     found = wrapping.lines(text, wrapping.room_px(context, icon != "NONE"))
-    _draw_lines(layout, found + [""] * (least - len(found)), icon)
+    _draw_lines(_column_of_lines(layout), found + [""] * (least - len(found)), icon)
 
 
-def _draw_lines(layout: bpy.types.UILayout, lines: list[str], icon: str) -> None:
+def _column_of_lines(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     column = layout.column(align=True)
-    column.scale_y = 0.8
+    column.scale_y = LINE_SCALE
+    return column
+
+
+def _draw_lines(column: bpy.types.UILayout, lines: list[str], icon: str) -> None:
     for number, line in enumerate(lines):
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"), translate=False)
 

@@ -113,7 +113,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name="Undistorted", description="The photo's copy without lens distortion, for the background", type=bpy.types.Image
         ),
         "lens_state": EnumProperty(
-            name="Focal Length Is",
+            name="Lens Is",
             description="Where the focal length comes from, hence whether Refine solves for it",
             items=LENS_STATES,
             get=_lens_state,

@@ -22,7 +22,8 @@ from .settings import MODEL_OF, quality_annotation, settings_annotations
 
 
 def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
-    """A line of the list was clicked: its camera becomes the one that is looked through."""
+    """A line of the list was clicked: its camera becomes the one that is looked through, and its verdict what is told."""
+    context.window_manager.gssmc.tell("")
     photo_list.show(context, self.id_data)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import zlib
 from dataclasses import dataclass
 
 import bpy
@@ -165,6 +166,14 @@ class SplatCopying:
         return SplatFormatError(
             rpt_('The splat "{name}" was edited while it was copied; nothing was changed, start again.', name=self._name)
         )
+
+
+def digest(cloud: bpy.types.PointCloud) -> int:
+    """A checksum of all that a copy would hold. Raises SplatFormatError or KeyError when the cloud holds no splat."""
+    checksum = 0
+    for name, components in [*SHAPE, *((f"{SH_PREFIX}{k}", 3) for k in range(sh_bands(cloud)))]:
+        checksum = zlib.crc32(read_attribute(cloud, name, components), checksum)
+    return checksum
 
 
 def read_splat(obj: bpy.types.Object) -> GaussianScene:

@@ -35,6 +35,13 @@ def dress_splat(cloud: bpy.types.PointCloud, radius: np.ndarray) -> None:
     cloud.materials.append(bpy.data.materials.get(MATERIAL) or _new_material())
 
 
+def undress(cloud: bpy.types.PointCloud) -> None:
+    """Takes the material away again: where Blender draws the splats, it would change their colours."""
+    for index, material in reversed(list(enumerate(cloud.materials))):
+        if material is not None and material.name == MATERIAL:
+            cloud.materials.pop(index=index)
+
+
 def _new_material() -> bpy.types.Material:
     material = bpy.data.materials.new(MATERIAL)
     if material.node_tree is None:  # before Blender 5

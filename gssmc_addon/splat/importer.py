@@ -130,7 +130,7 @@ class Building:
         """The object, placed, linked, active and picked."""
         cloud, place, scene = self._cloud(), self._placement, self._scene
         splat_object.set_native_type(cloud)
-        if not splat_object.has_native_type(cloud):
+        if not splat_object.is_native(cloud):
             splat_display.dress_splat(cloud, look.radius)
         if look.viewport:
             viewport.prime(cloud, look.viewport)

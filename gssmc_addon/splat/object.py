@@ -21,7 +21,11 @@ COMPONENTS = {"FLOAT_VECTOR": 3, "QUATERNION": 4, "FLOAT_COLOR": 4, "FLOAT4": 4}
 
 def is_splat(obj: bpy.types.Object | None) -> bool:
     """True for a point cloud object in the layout above, whoever made it; cheap enough for a panel's draw()."""
-    return obj is not None and obj.type == "POINTCLOUD" and all(name in obj.data.attributes for name in REQUIRED)
+    return obj is not None and obj.type == "POINTCLOUD" and is_splat_cloud(obj.data)
+
+
+def is_splat_cloud(cloud: bpy.types.PointCloud) -> bool:
+    return all(name in cloud.attributes for name in REQUIRED)
 
 
 def check_picked(scene: bpy.types.Scene, splat: bpy.types.Object | None) -> None:
@@ -100,9 +104,10 @@ def _base_type() -> str:
     return "FLOAT4" if "FLOAT4" in kinds else "FLOAT_COLOR"
 
 
-def has_native_type(cloud: bpy.types.PointCloud) -> bool:
-    """True where this Blender draws splats itself (5.3 and later)."""
-    return _native_type(cloud) is not None
+def is_native(cloud: bpy.types.PointCloud) -> bool:
+    """True when Blender itself draws this cloud's splats: 5.3 and later do, of a cloud that has the type for it."""
+    native = _native_type(cloud)
+    return native is not None and getattr(cloud, native[0]) == native[1]
 
 
 def _native_type(cloud: bpy.types.PointCloud) -> tuple[str, str] | None:
@@ -115,6 +120,7 @@ def _native_type(cloud: bpy.types.PointCloud) -> tuple[str, str] | None:
 
 
 def set_native_type(cloud: bpy.types.PointCloud) -> None:
+    """Leaves the drawing to Blender, where it can."""
     native = _native_type(cloud)
     if native:
         setattr(cloud, *native)

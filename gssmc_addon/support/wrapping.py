@@ -10,7 +10,7 @@ import bpy
 FONT_POINTS = 11  # of Blender's labels at a scale of 1
 MARGIN_PX = 62  # of the sidebar's width at a scale of 1: its tabs, and the frames of panel and box
 ICON_PX = 22
-MORE = "\u2026"
+MORE = " \u2026"
 
 
 def room_px(context: bpy.types.Context, icon: bool = False) -> float:
@@ -23,7 +23,7 @@ def lines(text: str, room: float) -> list[str]:
     found, line = [], ""
     for word in text.split():
         longer = f"{line} {word}" if line else word
-        if _width(longer) <= room:
+        if fits(longer, room):
             line = longer
             continue
         found += [line] if line else []
@@ -35,11 +35,16 @@ def lines(text: str, room: float) -> list[str]:
 def _broken(word: str, room: float) -> list[str]:
     """The word in parts that fit, of one letter at least."""
     parts = []
-    while len(word) > 1 and _width(word) > room:
-        fits = next((n for n in range(len(word) - 1, 1, -1) if _width(word[:n]) <= room), 1)
-        parts.append(word[:fits])
-        word = word[fits:]
+    while len(word) > 1 and not fits(word, room):
+        count = next((n for n in range(len(word) - 1, 1, -1) if fits(word[:n], room)), 1)
+        parts.append(word[:count])
+        word = word[count:]
     return [*parts, word]
+
+
+def fits(text: str, room: float) -> bool:
+    """Whether the text is no wider than `room` pixels."""
+    return _width(text) <= room
 
 
 def fitted(texts: Sequence[str], room: float, count: int) -> list[str]:
@@ -47,7 +52,7 @@ def fitted(texts: Sequence[str], room: float, count: int) -> list[str]:
     found = [line for text in texts for line in lines(text, room)]
     if len(found) > count:
         last = found[count - 1]
-        while last and _width(last + MORE) > room:
+        while last and not fits(last + MORE, room):
             last = last[:-1].rstrip()
         return [*found[: count - 1], last + MORE]
     return found + [""] * (count - len(found))

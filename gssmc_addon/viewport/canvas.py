@@ -6,13 +6,14 @@ Slices are drawn between redraws, for a redraw draws all that Blender has to sho
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import gpu
 import numpy as np
 
-from .gpu import Ground, Painter, SplatDraw, texture
+from .gpu import Before, Ground, Painter, SplatDraw, texture
 from .lod import Budget
 
 Size = tuple[int, int]
@@ -98,9 +99,9 @@ class Canvas:
             if draw.count <= budget.slice:  # no need to wait for another redraw
                 self.advance(painter, budget)
 
-    def lay_over(self, painter: Painter, opacity: float) -> None:
+    def lay_over(self, painter: Painter, opacity: float, before: Sequence[Before] = ()) -> None:
         if self._shown:
-            painter.lay_over(self._shown.texture_color, opacity)
+            painter.lay_over(self._shown.texture_color, opacity, before)
 
     def free(self) -> None:
         for buffer in (self._shown, self._next):

@@ -6,6 +6,7 @@ the viewport says stands before them. Then the buffer goes over the viewport. vi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,12 @@ from mathutils import Matrix
 
 from ...core.render.constants import LOWPASS_PX2
 from .data import TABLE_WIDTH, SplatTables
+from .front import MOST, FrontPicture
 
 SHADERS = Path(__file__).parent / "shaders"
 SQUARE = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
 VIEW_BLOCK = "struct SplatView { mat4 view_model; mat4 projection; vec2 size; float near; float boost; vec4 more; };\n"
+OVER_BLOCK = "struct SplatsOver { vec4 across[4]; vec4 up[4]; vec4 more; };\n"  # MOST pictures
 SLOW = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
 
 
@@ -86,6 +89,30 @@ class Ground:
     depth_step: int = 1
 
 
+@dataclass(frozen=True)
+class Before:
+    """A picture before the scene with its texture: straight alpha, over the picture's own 0..1; `drawn`: what is drawn in the
+    viewport, over the whole region, as `read_colour` has it.
+    """
+
+    picture: FrontPicture
+    pixels: gpu.types.GPUTexture
+    drawn: bool = False
+
+
+def textures_of(pictures: Sequence[FrontPicture]) -> list[Before]:
+    """The pictures with their textures, inside a draw of their viewport."""
+    screen = None
+    found = []
+    for picture in pictures:
+        if picture.image is not None:
+            found.append(Before(picture, gpu.texture.from_image(picture.image)))
+        else:
+            screen = screen or texture(read_colour())
+            found.append(Before(picture, screen, True))
+    return found
+
+
 class Painter:
     """The shaders; made inside a draw, where a GPU context exists. Raises what Blender raises when they do not compile."""
 
@@ -112,13 +139,16 @@ class Painter:
         self._quad.draw_instanced(shader, instance_start=0, instance_count=len(part))
         gpu.state.blend_set("NONE")
 
-    def lay_over(self, splats: gpu.types.GPUTexture, opacity: float) -> None:
-        """The finished splats over the bound framebuffer, stretched to its size."""
+    def lay_over(self, splats: gpu.types.GPUTexture, opacity: float, before: Sequence[Before] = ()) -> None:
+        """The finished splats over the bound framebuffer, stretched to its size, below the pictures before the scene."""
         gpu.state.blend_set("ALPHA_PREMULT")
         gpu.state.depth_test_set("NONE")
         self._overlay.bind()
-        self._overlay.uniform_float("opacity", opacity)
+        block = _over_block(opacity, before)  # kept until the draw, as above
+        self._overlay.uniform_block("over", block)
         self._overlay.uniform_sampler("splats_tex", splats)
+        for k in range(MOST):
+            self._overlay.uniform_sampler(f"picture_{k}_tex", before[k].pixels if k < len(before) else self._no_depth)
         self._screen.draw(self._overlay)
         gpu.state.blend_set("NONE")
 
@@ -130,8 +160,23 @@ def _view_block(draw: SplatDraw, ground: Ground, first: int) -> gpu.types.GPUUni
     return gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", len(values), np.array(values, np.float32)))
 
 
+def _over_block(opacity: float, before: Sequence[Before]) -> gpu.types.GPUUniformBuf:
+    rows = np.zeros((2 * MOST + 1, 4), np.float32)
+    for k, item in enumerate(before):
+        rows[k], rows[MOST + k] = (*item.picture.place[0], item.drawn), (*item.picture.place[1], item.picture.alpha)
+    rows[-1, :2] = opacity, len(before)
+    return gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", rows.size, rows.ravel()))
+
+
 def _columns(matrix: Matrix) -> list[float]:
     return [value for column in matrix.transposed() for value in column]
+
+
+def read_colour() -> np.ndarray:
+    """What is drawn in the bound framebuffer's viewport, (height, width, 4): light times alpha, then display-encoded."""
+    left, bottom, width, height = gpu.state.viewport_get()
+    buffer = gpu.state.active_framebuffer_get().read_color(left, bottom, width, height, 4, 0, "FLOAT")
+    return np.array(buffer, np.float32, copy=True).reshape(height, width, 4)
 
 
 def _splat_shader() -> gpu.types.GPUShader:
@@ -154,8 +199,11 @@ def _overlay_shader() -> gpu.types.GPUShader:
     between = gpu.types.GPUStageInterfaceInfo("gssmc_overlay_between")
     between.smooth("VEC2", "place")
     info = gpu.types.GPUShaderCreateInfo()
-    info.push_constant("FLOAT", "opacity")
+    info.typedef_source(OVER_BLOCK)
+    info.uniform_buf(0, "SplatsOver", "over")
     info.sampler(0, "FLOAT_2D", "splats_tex")
+    for k in range(MOST):
+        info.sampler(1 + k, "FLOAT_2D", f"picture_{k}_tex")
     info.vertex_in(0, "VEC2", "corner")
     info.vertex_out(between)
     return _made(info, "overlay")

@@ -1,4 +1,4 @@
-"""Splats in the 3D viewports of Blenders that do not draw them natively: the draw handler, the timer, the app handlers.
+"""Splats in the 3D viewports that Blender does not draw itself: the draw handler, the timer, the app handlers.
 
 Nothing runs while nothing changes: a redraw starts the timer, which ends itself when all is read, sorted and shown.
 """
@@ -10,6 +10,7 @@ from typing import Any
 
 import bpy
 
+from . import native
 from . import props as viewport_props
 from .clouds import Prepared
 from .stage import Stage
@@ -82,6 +83,14 @@ def _before_load(*_: object) -> None:
 
 @bpy.app.handlers.persistent
 def _after_load(*_: object) -> None:
+    native.take_over(native.open_file())
+    viewport_props.apply_all()
+
+
+@bpy.app.handlers.persistent
+def _after_import(context: bpy.types.BlendImportContext, *_: object) -> None:
+    """Something was linked or appended from another file."""
+    native.take_over(native.imported(context))
     viewport_props.apply_all()
 
 
@@ -105,6 +114,7 @@ def _after_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> No
 _HANDLERS = {
     "load_pre": _before_load,
     "load_post": _after_load,
+    "blend_import_post": _after_import,
     "undo_post": _after_undo,
     "redo_post": _after_undo,
     "depsgraph_update_post": _after_update,
@@ -124,7 +134,7 @@ def register() -> None:
 
 def _show_open_file() -> None:
     """The extension was switched on in a file that is open already; register() itself may not touch data."""
-    viewport_props.apply_all()
+    _after_load()
 
 
 def _stop_drawing() -> None:

@@ -31,10 +31,10 @@ def shows_splats(obj: bpy.types.Object) -> bool:
 
 def apply(obj: bpy.types.Object) -> None:
     """Sets Blender's own display of a splat object so that nothing is drawn twice, or not at all."""
-    ours = is_drawable() and not splat_object.has_native_type(obj.data)
+    ours = is_drawable() and not splat_object.is_native(obj.data)
     box = obj.gssmc.show_as == "BOX" or (obj.gssmc.show_as == "SPLATS" and ours)
     wanted = "BOUNDS" if box else "TEXTURED"
-    if obj.display_type != wanted and obj.is_editable:
+    if obj.display_type != wanted:  # of a linked object too: it is how it looks here, and is not saved
         obj.display_type = wanted
 
 
@@ -46,14 +46,18 @@ def apply_all() -> None:
 
 
 def draw_settings(layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> None:
-    """The rows of the panel for a splat object; none where Blender draws splats itself."""
-    if not splat_object.is_splat(obj) or splat_object.has_native_type(obj.data):
+    """The rows of the panel for a splat object; none of those about drawing where Blender itself draws it.
+
+    One setting a row: two numbers beside each other lose their last digits in a narrow sidebar.
+    """
+    if not splat_object.is_splat(obj) or splat_object.is_native(obj.data):
         return
     layout.row(align=True).prop(obj.gssmc, "show_as", expand=True)
     if obj.gssmc.show_as != "SPLATS":
         return
     if not is_drawable():
-        layout.label(text="Drawn as points: no fit graphics here", icon="INFO")
+        layout.label(text="Shown as points:", icon="INFO")
+        layout.label(text="no fit graphics here", icon="BLANK1")
         return
     layout.prop(obj.gssmc, "max_shown")  # each in a row of its own: side by side the number is cut in a narrow sidebar
     layout.prop(obj.gssmc, "opacity", slider=True)
@@ -62,6 +66,15 @@ def draw_settings(layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> N
 def _changed(self: GssmcObject, context: bpy.types.Context) -> None:
     if splat_object.is_splat(self.id_data):
         apply(self.id_data)
+    redraw_views()
+
+
+def redraw_views() -> None:
+    """Has every 3D viewport drawn anew. A script's change does not do that by itself, as a click in the panel does."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
 
 
 class GssmcObject(bpy.types.PropertyGroup):
@@ -76,12 +89,13 @@ class GssmcObject(bpy.types.PropertyGroup):
             update=_changed,
         ),
         "max_shown": IntProperty(
-            name="Most",
+            name="Most Shown",
             description="Most Gaussians drawn in the viewport, a fair choice of all; nothing else uses this number",
             default=MAX_SHOWN,
             min=1000,
             soft_max=10_000_000,
             step=10_000,
+            update=_changed,
         ),
         "opacity": FloatProperty(
             name="Opacity",
@@ -89,6 +103,7 @@ class GssmcObject(bpy.types.PropertyGroup):
             default=1.0,
             min=0.0,
             max=1.0,
+            update=_changed,
         ),
     }
 

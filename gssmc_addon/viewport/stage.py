@@ -15,7 +15,8 @@ from . import props as viewport_props
 from .canvas import Canvas, Depth
 from .clouds import Clouds
 from .data import back_to_front, boost_for, order_table
-from .gpu import Painter, SplatDraw, SplatTextures, is_software, texture
+from .front import front_pictures
+from .gpu import Painter, SplatDraw, SplatTextures, is_software, texture, textures_of
 from .lod import Budget
 from .thread import BackThread
 
@@ -74,17 +75,20 @@ class Stage:
             self.painter, self.budget = Painter(), Budget(is_software())
         depth = self._depths.setdefault(context.region.as_pointer(), Depth())
         moved = depth.update()
+        before = textures_of(front_pictures(context))
         for obj in shown:
             view = self._views.setdefault((context.region.as_pointer(), obj.data.session_uid), _View())
             if moved:
                 view.moved_at = time.perf_counter()
-            self._draw_one(context, obj, view, depth)
+            if self._draw_one(context, obj, view, depth):
+                view.canvas.lay_over(self.painter, obj.gssmc.opacity * _share(context), before)
         return True
 
-    def _draw_one(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, depth: Depth) -> None:
+    def _draw_one(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, depth: Depth) -> bool:
+        """Brings the splat's picture up to date; False when there is nothing to draw it of."""
         textures, version = self.clouds.get(obj.data.session_uid)
         if textures is None:
-            return
+            return False
         region = context.region_data
         matrix = region.view_matrix @ obj.matrix_world
         seen = (matrix, region.window_matrix.copy())
@@ -94,7 +98,7 @@ class Stage:
             view.version, view.order, view.indices = version, None, None
         self._plan(context, obj, view, textures)  # the order is found while tables are sent, between redraws
         if not textures.complete:
-            return
+            return False
         if view.indices is not None:
             if len(view.indices) > view.count:  # it began to move: the sample, in the order known
                 view.indices, view.sent = view.indices[view.indices < view.count], False
@@ -106,7 +110,7 @@ class Stage:
             boost = boost_for(count, textures.count)
             draw = SplatDraw(textures, view.order, count, boost, *seen, (version, view.stamp))
             view.canvas.paint(self.painter, draw, depth, self.budget, count < view.limit or not view.rests())
-        view.canvas.lay_over(self.painter, obj.gssmc.opacity * _share(context))
+        return True
 
     def _plan(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, textures: SplatTextures) -> None:
         """Decides how many to draw, and asks for their order when that or the direction has changed."""
@@ -194,22 +198,16 @@ def _shown(context: bpy.types.Context) -> list[bpy.types.Object]:
         for obj in layer.objects
         if obj.type == "POINTCLOUD"
         and viewport_props.shows_splats(obj)
-        and not splat_object.has_native_type(obj.data)
+        and not splat_object.is_native(obj.data)
         and obj.visible_get(view_layer=layer, viewport=space)
     ]
     return sorted(found, key=lambda obj: (eye @ obj.matrix_world.translation).z)
 
 
 def _share(context: bpy.types.Context) -> float:
-    """How opaque the viewport wants its objects: X-ray, and a photo before the camera, which splats must not hide."""
+    """How opaque the viewport wants its objects: X-ray."""
     shading = context.space_data.shading
-    share = shading.xray_alpha if shading.type == "SOLID" and shading.show_xray else 1.0
-    camera = context.space_data.camera if context.region_data.view_perspective == "CAMERA" else None
-    if camera and camera.type == "CAMERA" and camera.data.show_background_images:
-        for slot in camera.data.background_images:
-            if slot.display_depth == "FRONT" and slot.show_background_image and slot.image:
-                share *= 1.0 - slot.alpha  # it is drawn already, and cannot be drawn once more over the splats
-    return share
+    return shading.xray_alpha if shading.type == "SOLID" and shading.show_xray else 1.0
 
 
 def _regions() -> dict[int, bpy.types.Region]:

@@ -45,25 +45,22 @@ def complaint(bpy):
     return own.message
 
 
-def test_an_import_clears_that_there_is_no_splat(bpy, splat_file):
-    assert "No splat is picked" in complaint(bpy)
+def test_an_import_clears_what_was_wrong_before(bpy, splat_file):
     with pytest.raises(RuntimeError):
         bpy.ops.gssmc.import_splats(filepath=str(splat_file.with_name("none.ply")))
-    assert "No splat is picked" in bpy.context.window_manager.gssmc.message, "that still holds"
+    assert "none.ply" in bpy.context.window_manager.gssmc.message
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))
     assert bpy.context.window_manager.gssmc.message == ""
-    splat, bpy.context.scene.gssmc.splat = bpy.context.scene.gssmc.splat, None
-    assert "No splat is picked" in complaint(bpy)
-    bpy.context.scene.gssmc.splat = splat
-    assert bpy.context.window_manager.gssmc.message == "", "picked by hand"
 
 
-def test_a_photo_picked_by_hand_clears_that_there_is_none(bpy, scene):
-    data = scene.camera.data
-    photo, data.gssmc.photo = data.gssmc.photo, None
-    data.background_images.clear()
-    assert "has no photo" in complaint(bpy)
-    data.gssmc.photo = photo
+def test_a_splat_or_a_photo_picked_by_hand_clears_what_was_wrong_with_the_one_before(bpy, scene):
+    splat, data = scene.gssmc.splat, scene.camera.data
+    splat.scale = (1, 1, 2)
+    assert "unevenly" in complaint(bpy)
+    scene.gssmc.splat = splat
+    assert bpy.context.window_manager.gssmc.message == ""
+    assert "unevenly" in complaint(bpy)
+    data.gssmc.photo = data.gssmc.photo
     assert bpy.context.window_manager.gssmc.message == ""
 
 

@@ -150,6 +150,14 @@ def test_no_line_is_wider_than_the_sidebar(bpy, scene, extension, width):
         assert blf.dimensions(0, text)[0] <= width - 60 - (20 if icon != "NONE" else 0), text
 
 
+def test_a_title_that_has_no_room_is_the_verdict_alone(bpy, scene, extension):
+    note(extension, scene, "Short.")
+    titles = [
+        next(part[1] for line in lines(bpy, extension, width) for part in line[1:] if "Check" in part[1]) for width in WIDTHS
+    ]
+    assert titles == ["Check", "Check", "Check: 3 iterations, 12.5 s", "Check: 3 iterations, 12.5 s"]
+
+
 def test_a_number_of_the_splat_has_a_line_of_its_own(bpy, scene, extension, monkeypatch):
     """A million is cut to a thousand where it shares a narrow sidebar with another field."""
     module = extension("gssmc_addon.viewport.props")

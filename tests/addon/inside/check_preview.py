@@ -93,22 +93,23 @@ def test_the_wipe_follows_the_panel_without_the_button(bpy, place, extension):
     np.testing.assert_allclose(pixels(find(extension, "picture")), photo, atol=1e-3)
 
 
-def test_behind_the_camera_on_request_and_away_again(bpy, place, extension):
+def test_in_the_viewport_by_itself_and_away_on_request(bpy, place, extension):
     data = set_up(bpy, place).camera.data
-    bpy.ops.gssmc.preview(style="DIAGONAL", background=True)
+    bpy.ops.gssmc.preview(style="DIAGONAL")
     images = [slot.image for slot in data.background_images]
     assert images == [data.gssmc.photo, find(extension, "picture")]
     assert bpy.context.window_manager.gssmc.message == "", "it is to be seen"
     bpy.ops.gssmc.preview(style="DIAGONAL", background=False)
     assert [slot.image for slot in data.background_images] == [data.gssmc.photo]
-    with pytest.raises(RuntimeError, match="cannot stand behind"):
+    with pytest.raises(RuntimeError, match="Image Editor only"):
         bpy.ops.gssmc.preview(style="MATCHES", background=True)
 
 
 def test_the_panels_switch_acts_at_once_where_the_pictures_are_kept(bpy, place, extension):
     data = set_up(bpy, place).camera.data
     own = bpy.context.window_manager.gssmc.preview
-    own.style, own.background = "SQUARES", True
+    own.style = "SQUARES"
+    assert own.background, "what an artist presses shows in the layout that Blender starts with"
     assert [slot.image for slot in data.background_images] == [data.gssmc.photo]  # nothing is rendered yet
     bpy.ops.gssmc.preview()
     picture = find(extension, "picture")
@@ -118,8 +119,101 @@ def test_the_panels_switch_acts_at_once_where_the_pictures_are_kept(bpy, place, 
     own.background = True
     assert [slot.image for slot in data.background_images] == [data.gssmc.photo, picture]
     own.style = "MATCHES"  # whose panel has no such switch
+    assert [slot.image for slot in data.background_images] == [data.gssmc.photo], "no picture of another style is left"
     assert bpy.ops.gssmc.preview() == {"FINISHED"}
     assert [slot.image for slot in data.background_images] == [data.gssmc.photo]
+
+
+def in_viewport(data, photo):
+    """What viewports show through the camera besides its photo."""
+    return [slot.image for slot in data.background_images if slot.image != photo]
+
+
+def test_a_double_picture_never_stands_in_the_viewport(bpy, place, extension):
+    data = set_up(bpy, place).camera.data
+    own, photo = bpy.context.window_manager.gssmc.preview, data.gssmc.photo
+    own.style = "DIAGONAL"
+    bpy.ops.gssmc.preview()
+    assert in_viewport(data, photo) == [find(extension, "picture")]
+    own.style = "SIDE_BY_SIDE"
+    assert tuple(find(extension, "picture").size) == (rooms.WIDTH * 2 + 4, rooms.HEIGHT), "it is made, for an Image Editor"
+    assert in_viewport(data, photo) == []
+    own.style = "SQUARES"
+    assert in_viewport(data, photo) == [find(extension, "picture")]
+    assert tuple(find(extension, "picture").size) == (rooms.WIDTH, rooms.HEIGHT)
+
+
+def test_flicker_begins_and_ends_with_the_choice_of_the_style(bpy, place, extension):
+    data = set_up(bpy, place).camera.data
+    own, photo = bpy.context.window_manager.gssmc.preview, data.gssmc.photo
+    own.style = "RENDER"
+    bpy.ops.gssmc.preview()
+    own.style = "FLICKER"
+    assert own.flicker
+    assert in_viewport(data, photo) == [find(extension, "render")]
+    extension("gssmc_addon.preview.flicker")._toggle()
+    assert in_viewport(data, photo) == [find(extension, "photo")]
+    extension("gssmc_addon.preview.flicker")._toggle()
+    assert in_viewport(data, photo) == [find(extension, "render")]
+    own.style = "DIFFERENCE"
+    assert not own.flicker
+    assert in_viewport(data, photo) == [find(extension, "picture")]
+
+
+def test_the_viewports_preview_goes_when_it_shows_the_past(bpy, place, extension):
+    """A moved camera, splat or lens; a picture of what the camera saw before would hide the splat and tell of a fit."""
+    scene = set_up(bpy, place)
+    camera, photo, look = scene.camera, scene.camera.data.gssmc.photo, extension("gssmc_addon.preview.watch")
+    changes = [
+        lambda: setattr(camera, "location", camera.location + camera.location),
+        lambda: setattr(scene.gssmc.splat, "location", (0, 0, 1)),
+        lambda: setattr(camera.data, "lens", 20),
+        lambda: setattr(camera.data, "shift_x", 0.1),
+    ]
+    for change in changes:
+        bpy.ops.gssmc.preview(style="DIAGONAL")
+        bpy.context.view_layer.update()
+        look.take_away_when_stale()
+        assert in_viewport(camera.data, photo) == [find(extension, "picture")], "nothing was moved"
+        change()
+        bpy.context.view_layer.update()
+        look.take_away_when_stale()
+        assert in_viewport(camera.data, photo) == []
+    assert [slot.image for slot in camera.data.background_images] == [photo]
+
+
+@pytest.mark.parametrize("attribute", ["position", "scale", "rotation", "radiance:base", "radiance:sh_2"])
+def test_an_edited_splat_is_rendered_again(bpy, place, extension, attribute, monkeypatch):
+    """As many Gaussians as before, one of them another."""
+    scene = set_up(bpy, place)
+    module, made = extension("gssmc_addon.splat.renderer"), []
+    original = module.Renderer
+    monkeypatch.setattr(module, "Renderer", lambda *args: made.append(args) or original(*args))
+    bpy.ops.gssmc.preview(style="RENDER")
+    bpy.ops.gssmc.preview(style="DIFFERENCE")
+    assert len(made) == 1
+    item = scene.gssmc.splat.data.attributes[attribute].data[7]
+    name = next(n for n in ("vector", "value", "color") if n in item.bl_rna.properties)
+    setattr(item, name, [x * 0.5 + 0.1 for x in getattr(item, name)])
+    bpy.ops.gssmc.preview(style="DIFFERENCE")
+    assert len(made) == 2
+
+
+def test_a_replaced_photo_is_read_again(bpy, place, extension, tmp_path):
+    """Another picture under the same name."""
+    import os
+    import shutil
+
+    file = tmp_path / "photo.png"
+    shutil.copy(place.folder / "photo.png", file)
+    bpy.ops.gssmc.import_splats(filepath=str(place.scene))
+    bpy.ops.gssmc.add_photo(filepath=str(file), camera="NEW", camera_file=str(place.folder / "photo.json"))
+    bpy.ops.gssmc.preview(style="RENDER")
+    before = pixels(find(extension, "photo"))
+    shutil.copy(place.folder / "bent.png", file)
+    os.utime(file, ns=(1, 1))
+    bpy.ops.gssmc.preview(style="RENDER")
+    assert np.abs(pixels(find(extension, "photo")) - before).mean() > 0.01
 
 
 def test_one_camera_at_a_time_has_the_preview_behind_it(bpy, place, extension):

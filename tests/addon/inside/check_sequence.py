@@ -187,7 +187,7 @@ def parent_uneven_at(bpy, scene, camera, frame):
 
 
 def splat_uneven(bpy, scene, camera):
-    for at, scale in ((7, (1, 1, 1)), (8, (1, 2, 1))):
+    for at, scale in ((8, (1, 2, 1)), (7, (1, 1, 1))):
         scene.gssmc.splat.scale = scale
         scene.gssmc.splat.keyframe_insert("scale", frame=at)
 
@@ -195,7 +195,7 @@ def splat_uneven(bpy, scene, camera):
 def held_later(bpy, scene, camera):
     constraint = camera.constraints.new("TRACK_TO")
     constraint.target = scene.gssmc.splat
-    for at, influence in ((7, 0.0), (8, 1.0)):
+    for at, influence in ((8, 1.0), (7, 0.0)):
         constraint.influence = influence
         constraint.keyframe_insert("influence", frame=at)
 

@@ -12,6 +12,7 @@ from samples import write_photo
 
 GERMAN = {
     "No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.": "Kein Splat.",
+    'The camera "{name}" is {kind}; set its type to Perspective.': "Nur Perspektive.",
     '"{photo}" ({x} x {y}) is set behind "{camera}".': 'Hinter "{camera}" steht "{photo}", {x} mal {y}.',
     "{verdict}: {count} iterations, {seconds:.1f} s": "{seconds:.0f} s, {count} Runden: {verdict}",
     "Check": "Prüfen",
@@ -38,10 +39,14 @@ def test_blender_has_the_lookups(bpy):
 
 def test_a_report_and_the_panels_line_are_translated(bpy, extension, scene, german):
     scene.gssmc.splat = None
-    with pytest.raises(RuntimeError, match=r"Kein Splat\."):
+    with pytest.raises(RuntimeError, match=r"Kein Splat\."):  # why the button is grey
         bpy.ops.gssmc.refine()
-    assert bpy.context.window_manager.gssmc.message == "Kein Splat."
-    assert "Kein Splat." in drawn(bpy, extension)
+    scene.gssmc.splat = next(obj for obj in scene.objects if obj.type == "POINTCLOUD")
+    scene.camera.data.type = "ORTHO"
+    with pytest.raises(RuntimeError, match=r"Nur Perspektive\."):
+        bpy.ops.gssmc.refine()
+    assert bpy.context.window_manager.gssmc.message == "Nur Perspektive."
+    assert "Nur Perspektive." in drawn(bpy, extension)
 
 
 def test_values_stand_where_the_language_wants_them(bpy, extension, scene, german, tmp_path, capfd):

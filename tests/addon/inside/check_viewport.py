@@ -181,30 +181,6 @@ def test_background_mode_waits_for_the_import(bpy, splat_file, wait):
     assert len(bpy.context.scene.gssmc.splat.data.points) == 200
 
 
-def test_an_import_can_be_stopped(bpy, extension, tmp_path):
-    """The thread ends at its next step, and what was made so far goes."""
-    from samples import counts, random_gaussians, write_ply
-
-    job_module, importer = extension("gssmc_addon.splat.import_job"), extension("gssmc_addon.splat.importer")
-    path = write_ply(tmp_path / "scan.ply", random_gaussians(50_000, 3))
-    job = job_module.ImportJob(path, True)
-    job.stop()
-    job.start()
-    job.join()
-    with pytest.raises(extension("core.errors").Cancelled):
-        job.look()
-    with pytest.raises(extension("core.errors").Cancelled):
-        job.read()
-    before = counts(bpy)
-    read = job_module.ReadSplat.of(extension("core.splats").read_splats(path))
-    building = importer.Building("scan", read, importer.Placement())
-    assert not building.step()
-    building.drop()
-    assert counts(bpy) == before
-    with pytest.raises(extension("core.errors").SplatFormatError, match="was removed while"):
-        building.step()
-
-
 def test_a_point_cloud_is_read_again_only_when_it_changed(bpy, extension, splat_file):
     clouds, threads = extension("gssmc_addon.viewport.clouds"), extension("gssmc_addon.viewport.thread")
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))
