@@ -44,8 +44,7 @@ class GSSMC_OT_review(bpy.types.Operator):
         return {"CANCELLED"}
 
     def _wanted(self, scene, entry):
-        camera = photo_list.camera_of(scene, entry)
-        return camera is not None and not (self.skip_trusted and camera.data.gssmc.verdict == "TRUSTED")
+        return photo_list.camera_of(scene, entry) is not None and (photo_list.is_open(entry) or not self.skip_trusted)
 
 
 classes = (GSSMC_OT_review,)
