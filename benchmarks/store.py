@@ -21,7 +21,7 @@ from core.support.atomic import atomic_write
 
 
 def record(index: int) -> dict:
-    """As long as what a refinement of two iterations leaves behind, 1.3 KB."""
+    """As long as what a refinement of two iterations leaves behind, 1.5 KB."""
     pose = {"R": [[0.1234567890123456, -0.1234567890123456, 0.9876543210123456]] * 3, "t": [1.2345678901234567] * 3}
     iteration = {"views_used": 7, "matches": 1234, "inliers": 987, "epipolar_rms_px": 0.4567890123456789, **pose}
     lens = {"width": 4000, "height": 3000, "fx": 3210.123456789, "fy": 3210.123456789, "cx": 2000.0, "cy": 1500.0}

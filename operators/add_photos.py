@@ -67,7 +67,9 @@ def _summary(job):
     if job.failed:
         words.append(rpt_("{count} could not be used; the list says why.", count=len(job.failed)))
     left = job.count - len(job.added) - len(job.failed)
-    if left:
+    if left == 1:
+        words.append(rpt_("1 was left out when you stopped."))
+    elif left:
         words.append(rpt_("{count} were left out when you stopped.", count=left))
     return " ".join(words)
 

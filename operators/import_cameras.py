@@ -51,7 +51,12 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
         job.finish()
         values = {"count": job.made, "file": Path(self.filepath).name, "shown": job.shown}
         words = [rpt_('{count} cameras from "{file}", {shown} of them with their photo.', **values)]
-        if job.left_out:
+        if job.made == 1:
+            photo = rpt_('1 camera from "{file}", with its photo.', file=values["file"])
+            words = [photo if job.shown else rpt_('1 camera from "{file}", without its photo.', file=values["file"])]
+        if job.left_out == 1:
+            words.append(rpt_("1 without a lens was left out."))
+        elif job.left_out:
             words.append(rpt_("{count} without a lens were left out.", count=job.left_out))
         return self.done(context, " ".join(words))
 

@@ -102,7 +102,9 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
             splat_display.show_colours(context)
         values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
         words = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
-        if scene.dropped:
+        if scene.dropped == 1:
+            words.append(rpt_("1 Gaussian with values that are not finite was left out."))
+        elif scene.dropped:
             words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
         return self.done(context, " ".join(words))
 

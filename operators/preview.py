@@ -80,6 +80,10 @@ def _told(camera, result):
     if not result.matches:
         return rpt_('Preview of "{name}".', name=camera.name)
     good = result.matches.good
+    if len(good) == 1:
+        return rpt_(
+            '"{name}": {good} of 1 match sits at the same place in photo and render.', name=camera.name, good=good.sum()
+        )
     return rpt_(
         '"{name}": {good} of {count} matches sit at the same place in photo and render.',
         name=camera.name,

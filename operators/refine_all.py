@@ -1,7 +1,7 @@
 """Refine All: the photos of the list, one after the other."""
 
 import bpy
-from bpy.props import EnumProperty
+from bpy.props import BoolProperty, EnumProperty
 
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import list as photo_list
@@ -27,6 +27,11 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
 
     __annotations__ = {
         "which": EnumProperty(name="Which", items=WHICH, default="ALL", description="Which photos are refined"),
+        "again": BoolProperty(
+            name="Try Again",
+            default=True,
+            description="Photos of which no camera was found are tried again from those of solved photos, up to four",
+        ),
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
     }
@@ -46,14 +51,14 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
-        job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties))
+        job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)
         problem.begin(self.bl_label)
         return job
 
     def apply(self, context, job, result):
         message = job.summary()
         self.tell(context, message, "ERROR" if job.failed else "INFO")
-        clean = job.verdicts["trusted"] == job.count
+        clean = job.verdicts["trusted"] == job.items
         self.report({"INFO" if clean else "WARNING"}, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 

@@ -95,21 +95,20 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
 
     def apply(self, context, job, result):
         scene, splat, camera = job.find()
-        camera_channels.check_writable(camera)
         cameras = job.path()
         camera_keys.write(scene, camera, splat, cameras, job.options.key_lens)
         seconds = sum(report.seconds for report in job.reports.values())
-        trusted = not job.bad and all(report.verdict == "trusted" for report in job.reports.values())
-        reasons = [job.summary(), *sorted({f"{message}" for message in job.bad.values()})][:4]
-        verdict = "trusted" if trusted else "check"
+        trusted = not job.bad and not job.doubtful
         solved = job.options.key_lens and job.settings.lens != "fixed"
         state = "SOLVED" if solved else camera.data.gssmc.lens_state
-        first, count, depth = cameras[min(cameras)], len(job.reports), job.median_depth
-        found = Solution(first, verdict, tuple(reasons), count, seconds, state, depth, path=cameras)
+        first, verdict = cameras[min(cameras)], "trusted" if trusted else "check"
+        found = Solution(first, verdict, tuple(job.reasons()), 0, seconds, state, job.median_depth, path=cameras)
         camera_solution.keep(scene, camera, splat, found)
-        camera.data.gssmc.bad_frames = frame_list(job.bad)
+        camera.data.gssmc.frames_done, camera.data.gssmc.bad_frames = job.items, frame_list(job.bad)
         values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
         message = rpt_('"{name}": {summary} {count} keys were set.', **values)
+        if len(cameras) == 1:
+            message = rpt_('"{name}": {summary} 1 key was set.', **values)
         return self.done(context, message, "INFO" if trusted else "WARNING")
 
     def _range(self, context):

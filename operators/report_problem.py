@@ -16,7 +16,7 @@ class GSSMC_OT_report_problem(bpy.types.Operator):
         context.window_manager.clipboard = problem.text(context)
         self.report(
             {"INFO"},
-            "Versions and the last job's record are on the clipboard, without names, paths and poses: paste them.",
+            "Versions and the last job's record are on the clipboard, without names, paths or poses; paste them into a report.",
         )
         return {"FINISHED"}
 

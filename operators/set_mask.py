@@ -76,6 +76,8 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
             camera.data.gssmc.mask = mask
         values = {"count": len(masks), "photos": len(cameras), "folder": folder.name}
         told = rpt_("{count} of {photos} photos have a mask in '{folder}'.", **values)
+        if len(cameras) == 1:
+            told = rpt_("{count} of 1 photo has a mask in '{folder}'.", count=len(masks), folder=folder.name)
         if masks:
             return self.done(context, told)
         self.report({"WARNING"}, told)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Sets up .venv from requirements.lock; does nothing when it is up to date. Run by demo.sh and test.sh.
-# With --all also .venv45 from requirements45.lock: Blender 4.5 LTS, for the tests alone.
+# With --all also .venv45 and .venv53 from their own locks: Blender 4.5 LTS and 5.3, for the tests alone.
 # Needs: bash, Python 3.13 and 3.11 (or uv, which brings them), and the system libraries that Blender's own module links to.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -28,7 +28,10 @@ make_venv() {
 }
 
 make_venv .venv requirements.lock "$(cat .python-version)"
-if [ "${1:-}" = --all ]; then make_venv .venv45 requirements45.lock 3.11; fi
+if [ "${1:-}" = --all ]; then
+  make_venv .venv45 requirements45.lock 3.11
+  make_venv .venv53 requirements53.lock 3.13
+fi
 
 # Blender's module is linked against X11 and GL even when it draws nothing.
 libraries="libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libegl1"

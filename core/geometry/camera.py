@@ -1,7 +1,7 @@
 """Cameras: intrinsics with lens distortion, world-to-camera poses, and the errors between poses.
 
-Frames (DESIGN 2): OpenCV camera axes (x right, y down, z forward), pixel centres at +0.5, so the centre of the top-left
-pixel is (0.5, 0.5). A pose is world-to-camera: x_c = R x_w + t.
+Frames (docs/design.md, section 2): OpenCV camera axes (x right, y down, z forward), pixel centres at +0.5, so the centre of
+the top-left pixel is (0.5, 0.5). A pose is world-to-camera: x_c = R x_w + t.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The only place where an axis is flipped, half a pixel is added, or a focal length in millimetres becomes pixels.
 
-Frames: the engine's cameras are OpenCV (x right, y down, z forward), poses world-to-camera; Blender's, nerfstudio's and
-OpenGL's cameras look along -z with y up, given as camera-to-world. COLMAP's cameras are the engine's own: no function needed.
+Frames (docs/design.md, section 2): the engine's cameras are OpenCV (x right, y down, z forward), poses world-to-camera;
+Blender's, nerfstudio's and OpenGL's cameras look along -z with y up, given as camera-to-world. COLMAP's cameras are the
+engine's own: no function needed.
 "World" of the engine is the coordinates of the splat file; a Blender object's matrix (a similarity) takes them to the scene.
 Pixels: the centre of the top-left pixel is (0.5, 0.5).
 """

@@ -23,7 +23,7 @@ from .settings import RefineSettings
 from .shared.lens import LensCamera, LensMode
 from .shared.working import WorkingPhoto
 from .verdict import words
-from .verdict.verdict import assess, assess_start, fits_better, judge
+from .verdict.verdict import Matched, assess, assess_start, fits_better, judge
 from .verdict.verify import FinalView, view_at
 
 log = logging.getLogger(__name__)
@@ -86,9 +86,8 @@ def _refine_with(
         return job.report(None, _Judged("failed", (outcome.problem,), outcome.details), records, began)
     solution, seen = yield from job.finish(query, answer, len(records), rng)
     judged = job.judged(answer, solution, seen, outcome)
-    found = judged.verdict != "failed" and judged.evidence_of("refined")
-    refined = job.full_size(solution.camera) if found else None
-    return job.report(refined, judged, records, began, solution if found else None)
+    refined = job.full_size(solution.camera) if judged.evidence_of("refined") else None
+    return job.report(refined, judged, records, began, None if judged.evidence_of("start") else solution)
 
 
 def lens_mode(settings: RefineSettings, camera: Camera) -> LensMode:
@@ -165,7 +164,7 @@ class _Job:
     def judged(self, answer: Answer, solution: Solution, seen: FinalView, outcome: Outcome) -> _Judged:
         """The verdict, with the evidence of the pose that is returned, or of the one that is not and why."""
         photo = self.start.intrinsics
-        quality = assess(solution, answer.views, seen, answer.intrinsics.pinhole(), photo, answer.median_depth)
+        quality = assess(solution, Matched(answer.views, answer.intrinsics.pinhole(), answer.median_depth), seen, photo)
         verdict, reasons = judge(quality)
         if verdict == "failed":
             quality = replace(quality, of="rejected")

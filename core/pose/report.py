@@ -41,7 +41,7 @@ EvidenceOf = Literal["refined", "start", "rejected"]
 
 @dataclass(frozen=True)
 class PoseQuality:
-    """The evidence behind a verdict, and the pose that it is of.
+    """The evidence behind a verdict (docs/design.md, section 5), and the pose that it is of.
 
     of: "refined" = the pose that is returned was found; "start" = the start camera fits the photo better and is returned, so
     the evidence is of that; "rejected" = the verdict is "failed", the start camera is returned, and this is why the pose that

@@ -45,7 +45,17 @@ class CameraCopy:
 
 def splat_similarity(splat: bpy.types.Object) -> Similarity:
     """The splat object's transform. Raises CameraError when it is not rotation, translation and uniform scale."""
-    return Similarity.from_matrix(np.array(splat.matrix_world))
+    return Similarity.from_matrix(np.array(world_matrix(splat)))
+
+
+def world_matrix(obj: bpy.types.Object) -> Matrix:
+    """Where the object stands in the scene. Blender works it out only for what is in a view layer: of an object in an excluded
+    collection it has the identity after a file was opened.
+    """
+    if obj.matrix_world != Matrix.Identity(4):
+        return obj.matrix_world
+    own = obj.matrix_basis
+    return world_matrix(obj.parent) @ obj.matrix_parent_inverse @ own if obj.parent else own
 
 
 def read_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object) -> CameraCopy:
@@ -53,7 +63,7 @@ def read_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.typ
     if camera.data.type != "PERSP":
         kind = camera.data.type.lower()
         raise CameraError(rpt_('The camera "{name}" is {kind}; set its type to Perspective.', name=camera.name, kind=kind))
-    pose = conventions.pose_from_blender(np.array(camera.matrix_world), splat_similarity(splat))
+    pose = conventions.pose_from_blender(np.array(world_matrix(camera)), splat_similarity(splat))
     data, lens = camera.data, read_lens(scene, camera.data)
     guessed = data.gssmc.lens_state != CALIBRATED
     return CameraCopy(lens, read_distortion(data), pose, lens_frame(scene, data), guessed, photo_pixel(data, lens))

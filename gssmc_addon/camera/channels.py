@@ -8,12 +8,14 @@ from ...core.errors import CameraError
 from ..support.texts import rpt_
 
 WRITTEN_CHANNELS = ("location", "rotation", "lens", "shift")
+DRIVEN_CHANNELS = (*WRITTEN_CHANNELS, "scale", "delta_")  # a driver on these moves what was just written
 ROTATION_PATHS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
 LENS_PATHS = ("lens", "shift_x", "shift_y")
 
 
 def check_writable(camera: bpy.types.Object) -> None:
-    """Raises CameraError when something would undo, or forbid, a new pose: a constraint, a driver, NLA, a library.
+    """Raises CameraError when something would undo, or forbid, a new pose at the scene's present frame: a constraint, a driver,
+    NLA, a curve that takes no key or does not follow its keys, a library.
 
     Keyframes of the active action are no obstacle: `write_keyframes` adds one at the current frame.
     """
@@ -36,7 +38,7 @@ def _check_animation(block: bpy.types.ID, name: str) -> None:
     animation = block.animation_data
     if animation is None:
         return
-    driven = next((d.data_path for d in animation.drivers if d.data_path.startswith(WRITTEN_CHANNELS)), None)
+    driven = next((d.data_path for d in animation.drivers if d.data_path.startswith(DRIVEN_CHANNELS)), None)
     if driven:
         raise CameraError(rpt_('The camera "{name}" is driven ({path}); remove that driver first.', name=name, path=driven))
     tracks = [track.name for track in animation.nla_tracks if track.strips and not track.mute]
@@ -44,6 +46,28 @@ def _check_animation(block: bpy.types.ID, name: str) -> None:
         raise CameraError(
             rpt_('The NLA track "{track}" moves the camera "{name}"; mute or bake it first.', track=tracks[0], name=name)
         )
+    _check_curves(block, name)
+
+
+def _check_curves(block: bpy.types.ID, name: str) -> None:
+    """Raises CameraError when a curve that gets a key would refuse it, or would not pass through it: Blender says so only by
+    a returned False, or not at all.
+    """
+    own = [curve for curve in curves(block) if curve.data_path.startswith(WRITTEN_CHANNELS)]
+    if own and not block.animation_data.action.is_editable:
+        raise CameraError(
+            rpt_('The action of the camera "{name}" comes from a linked library; make it local first.', name=name)
+        )
+    for curve in own:
+        values = {"name": name, "path": curve.data_path}
+        if curve.lock or (curve.group and curve.group.lock):
+            raise CameraError(rpt_('The curve {path} of the camera "{name}" is locked; unlock it first.', **values))
+        if curve.mute or (curve.group and curve.group.mute):
+            raise CameraError(rpt_('The curve {path} of the camera "{name}" is muted; unmute or delete it first.', **values))
+        if any(not modifier.mute for modifier in curve.modifiers):
+            raise CameraError(
+                rpt_('A modifier changes the curve {path} of the camera "{name}"; remove or bake it first.', **values)
+            )
 
 
 def write_keyframes(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:

@@ -97,7 +97,11 @@ def write(path: Path, kind: str, found: Sequence[Outgoing]) -> list[str]:
     except OSError as error:
         text = rpt_("'{path}' cannot be written ({reason}); choose another place.", path=path, reason=error.strerror)
         raise DatasetError(text) from error
-    return [rpt_("{count} cameras were written to '{path}'.", count=len(usable), path=path), *_remarks(found, usable)]
+    if len(usable) == 1:
+        done = rpt_("1 camera was written to '{path}'.", path=path)
+    else:
+        done = rpt_("{count} cameras were written to '{path}'.", count=len(usable), path=path)
+    return [done, *_remarks(found, usable)]
 
 
 def _solved(found: Sequence[Outgoing]) -> list[Outgoing]:

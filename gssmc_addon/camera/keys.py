@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import bpy
 
-from ...core.geometry.camera import Camera
+from ...core.geometry.camera import Camera, Pose
 from . import bridge as camera_bridge
 from . import channels as camera_channels
 
+TRANSFORM = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
+
 
 def write(
-    scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, cameras: dict[int, Camera], key_lens: bool
+    scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, cameras: Mapping[int, Camera], key_lens: bool
 ) -> None:
     """Keys location and rotation, and the lens if `key_lens`, at the frames of `cameras`; other keys between the first and the
     last of them go. The scene ends at the frame where it was.
 
-    Raises CameraError, with nothing written, when the splat object can no longer carry a camera.
+    Raises CameraError, with nothing written and no key lost, when the camera cannot be written at one of the frames.
     """
-    camera_bridge.splat_similarity(splat)
-    current, before = scene.frame_current, None
+    check(scene, camera, splat, {frame: found.pose for frame, found in cameras.items()})
+    current, part, before = scene.frame_current, scene.frame_subframe, None
     rotation = camera_channels.rotation_path(camera)
     paths = {camera: ["location", rotation], camera.data: list(camera_channels.LENS_PATHS) if key_lens else []}
     for block, names in paths.items():
@@ -32,7 +36,27 @@ def write(
                 for name in names:
                     block.keyframe_insert(name, frame=frame)
     finally:
-        scene.frame_set(current)
+        scene.frame_set(current, subframe=part)
+
+
+def check(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, poses: Mapping[int, Pose]) -> None:
+    """Tries every pose at its frame, for constraints, parent and splat may be animated. Scene and camera end as they were.
+
+    Raises CameraError at the first frame where something would undo, or forbid, the pose.
+    """
+    current, part = scene.frame_current, scene.frame_subframe
+    kept = {name: tuple(getattr(camera, name)) for name in TRANSFORM}
+    try:
+        for frame, pose in sorted(poses.items()):
+            scene.frame_set(frame)
+            camera_channels.check_writable(camera)
+            camera_bridge.write_pose(scene, camera, splat, pose)
+    finally:
+        scene.frame_set(current, subframe=part)
+        for name, value in kept.items():  # also what is not keyed, and what was moved since its key was set
+            setattr(camera, name, value)
+        for layer in scene.view_layers:
+            layer.update()
 
 
 def continue_turn(camera: bpy.types.Object, before: object) -> object:

@@ -100,8 +100,9 @@ def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, found: S
         now = camera_bridge.read_camera(scene, camera, splat).at_size(lens.width, lens.height)
     except CameraError:  # it became orthographic, or sheared; or the splat did
         return "MOVED"
-    reach = max(camera.matrix_world.translation.length, splat.matrix_world.translation.length)
-    slack = SAME_PLACE * found.median_depth + FLOAT32 * reach / splat.matrix_world.median_scale
+    places = [camera_bridge.world_matrix(obj) for obj in (camera, splat)]
+    reach = max(place.translation.length for place in places)
+    slack = SAME_PLACE * found.median_depth + FLOAT32 * reach / places[1].median_scale
     if not _is_same_pose(now.pose, then.pose, slack):
         return "MOVED"
     return "" if _is_same_lens(now.intrinsics, lens) else "LENS"

@@ -32,9 +32,13 @@ class Idle:
         try:
             slot.check_free()
         except slot.BusyError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return self.busy(error)
         return super().execute(context)
+
+    def busy(self, error: slot.BusyError) -> set[str]:
+        """The operator's result where another job runs. Not in the panel's line: that is the job's, which may end otherwise."""
+        self.report({"ERROR"}, str(error))
+        return {"CANCELLED"}
 
 
 class Reporter:
@@ -149,6 +153,8 @@ class JobOperator(Idle, Reporter):
         """
         try:
             result = step()
+        except slot.BusyError as error:
+            return self.busy(error)
         except GssmcError as error:
             result = self._broken(context, rpt_(str(error)))
         except Exception as error:

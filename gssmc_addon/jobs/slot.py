@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+
 import bpy
 
 from ...core.errors import GssmcError
 from ..support.texts import iface_, rpt_
 from .machine import Job, redraw
 
+log = logging.getLogger(__name__)
 SHUTDOWN_JOIN_S = 5.0
 
 
@@ -78,17 +81,19 @@ def stop(job: Job) -> None:
     """Cancels `job`, which takes back what it made and is not done with, and ends it."""
     try:
         job.cancel()
-    finally:
-        end(job)
+    except Exception:  # it is at its end, and nothing may keep the slot
+        log.exception("The job could not take back what it made")
+    end(job)
 
 
 def end(job: Job) -> None:
     """Closes and forgets `job` and stops its timer; harmless when that was done already."""
     try:
         job.close()
-    finally:
-        if _slot.job is job:
-            _release(job)
+    except Exception:  # what it found is worth having all the same
+        log.exception("The job could not be closed")
+    if _slot.job is job:
+        _release(job)
 
 
 def _release(job: Job) -> None:

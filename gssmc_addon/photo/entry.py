@@ -18,5 +18,6 @@ class GssmcPhoto(bpy.types.PropertyGroup):
         ),
         "file": StringProperty(name="File", description="The file of a photo that could not be read"),
         "error": StringProperty(name="Error", description="Why the photo could not be read or refined"),
+        "note": StringProperty(name="Note", description="How the photo was found, or what was tried, in a second pass"),
         "ticked": BoolProperty(name="Ticked", description="Refine Ticked takes this photo", default=True),
     }

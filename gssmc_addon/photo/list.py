@@ -26,6 +26,16 @@ def cameras(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [camera for camera in (camera_of(scene, entry) for entry in scene.gssmc.photos) if camera]
 
 
+def is_open(entry: GssmcPhoto) -> bool:
+    """Whether the camera of the photo is still to be found: it is not trusted."""
+    return camera_solution.verdict(entry.id_data, entry.camera) != "TRUSTED"
+
+
+def open_count(scene: bpy.types.Scene) -> int:
+    """How many photos of the list, with a camera, are still to be found."""
+    return sum(camera_of(scene, entry) is not None and is_open(entry) for entry in scene.gssmc.photos)
+
+
 def title(entry: GssmcPhoto) -> str:
     return entry.camera.name if entry.camera else entry.file
 
@@ -38,7 +48,7 @@ def find(scene: bpy.types.Scene, camera: bpy.types.Object) -> GssmcPhoto | None:
 def note(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
     """The entry of a camera that was just given its photo; a new one where it has none yet."""
     entry = find(scene, camera) or scene.gssmc.photos.add()
-    entry.camera, entry.error, entry.file = camera, "", ""
+    entry.camera, entry.error, entry.note, entry.file = camera, "", "", ""
     image = photo_image.camera_photo(camera)
     if image:
         _set_thumbnail(image, photo)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import bpy
 
 from ..camera import solution as camera_solution
-from ..jobs import slot as jobs
 from ..refine import panel as panels
 from ..registration import camera_props
 from ..support.texts import iface_
@@ -13,6 +12,7 @@ from . import list as photo_list
 from .entry import GssmcPhoto
 
 ROWS = 4
+SAID_LINES = 3
 
 
 class GSSMC_UL_photos(bpy.types.UIList):
@@ -63,28 +63,39 @@ class GSSMC_PT_photos(panels._Sidebar, bpy.types.Panel):
         column.operator("gssmc.set_masks", text="", icon="MOD_MASK")
         if own.photos:
             _draw_review(layout)
-            _draw_error(layout, context)
-        if own.photos and not jobs.active():
-            row = layout.row(align=True)
-            row.operator("gssmc.refine_all", text="Refine Ticked").which = "TICKED"
-            row.operator("gssmc.refine_all", text="Refine All").which = "ALL"
+            _draw_refine(layout, context)
+            _draw_said(layout, context)
 
 
 def _draw_review(layout: bpy.types.UILayout) -> None:
     row = layout.row(align=True)
-    row.operator("gssmc.review", text="Previous", icon="TRIA_LEFT").step = -1
-    row.operator("gssmc.review", text="Next", icon="TRIA_RIGHT").step = 1
+    row.operator("gssmc.review", text="Previous").step = -1
+    row.operator("gssmc.review", text="Next").step = 1
     unsure = row.operator("gssmc.review", text="", icon="QUESTION")
     unsure.step, unsure.skip_trusted = 1, True
 
 
-def _draw_error(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What is wrong with the picked photo."""
+def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What one wants most of the time comes first; while a job runs, the operator's poll greys the buttons."""
+    left = photo_list.open_count(context.scene)
+    column = layout.column(align=True)
+    row = column.row(align=True)
+    row.scale_y, row.enabled = 1.25, left > 0
+    row.operator("gssmc.refine_all", text=iface_("Refine Open ({count})", count=left), icon="CAMERA_DATA").which = "OPEN"
+    row = column.row(align=True)
+    row.operator("gssmc.refine_all", text="Ticked").which = "TICKED"
+    row.operator("gssmc.refine_all", text="All").which = "ALL"
+
+
+def _draw_said(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What is wrong with the picked photo, or how it was found. Below all buttons, and there when there is nothing to say, so
+    that no button moves while one goes from photo to photo.
+    """
     own = context.scene.gssmc
     entry = own.photos[own.photo_index] if own.photo_index < len(own.photos) else None
     error = _error(context.scene, entry) if entry else ""
-    if error:
-        panels.draw_text(layout.box(), context, error, icon="ERROR")
+    note = entry.note if entry else ""
+    panels.draw_text(layout, context, error or note, icon="ERROR" if error else "INFO" if note else "NONE", least=SAID_LINES)
 
 
 def _error(scene: bpy.types.Scene, entry: GssmcPhoto) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,9 +14,9 @@ from ...core.errors import RefineError
 from ...core.photos.photo import Photo, read_photo
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
-from ..camera import solution as camera_solution
 from ..jobs.machine import QueueJob
-from ..jobs.worker import Steps, refinement
+from ..jobs.retries import RetryQueue
+from ..jobs.worker import RefineInputs, Steps, refinement
 from ..refine import job as jobs
 from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
@@ -24,10 +25,12 @@ from ..support.texts import iface_, n_, rpt_
 from . import camera as photo_camera
 from . import image as photo_image
 from . import list as photo_list
+from . import neighbours
 from .entry import GssmcPhoto
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".exr")
 COUNTED = {"trusted": n_("{count} trusted"), "check": n_("{count} check"), "failed": n_("{count} failed")}
+RANK = {"": 0, "failed": 0, "check": 1, "trusted": 2}
 
 
 def photos_in(folder: Path) -> list[Path]:
@@ -38,10 +41,6 @@ def photos_in(folder: Path) -> list[Path]:
     if not found:
         raise RefineError(rpt_("The folder '{folder}' holds no photos (JPEG, PNG, TIFF, WebP or OpenEXR).", folder=folder.name))
     return found
-
-
-def _place(job: QueueJob) -> str:
-    return iface_("Photo {number} of {count}", number=job.index + 1, count=job.count)
 
 
 def _decoded(read: Callable[[], Photo]) -> Steps:
@@ -68,7 +67,8 @@ class AddPhotosJob(QueueJob):
 
     def begin_item(self, index: int) -> Callable[[], Steps]:
         path = self.paths[index]
-        self.step, self.detail = path.name, _place(self)
+        self.step = path.name
+        self.detail = iface_("Photo {number} of {count}", number=index + 1, count=self.count)
         if photo_image.is_linear(str(path)):  # only Blender decodes it, and only here
             photo = photo_image.read_any_photo(str(path))
             return partial(_decoded, lambda: photo)
@@ -92,24 +92,30 @@ class AddPhotosJob(QueueJob):
         return self
 
 
-class RefineQueue(QueueJob):
-    """Refines the cameras of the list one after the other against one renderer; each is written when it is done.
+class RefineQueue(RetryQueue):
+    """Refines the cameras of the list one after the other against one renderer; each is written when it is done. Photos
+    of which no camera was found are tried again from the cameras of solved ones, if `again`.
 
     Its result is the job itself: `verdicts` counts them, and `failed` holds (camera, why) of those that could not begin.
     """
 
     status = n_("Refining the photos    Esc: stop")
 
-    def __init__(self, scene: bpy.types.Scene, entries: Sequence[GssmcPhoto], settings: RefineSettings) -> None:
+    def __init__(
+        self, scene: bpy.types.Scene, entries: Sequence[GssmcPhoto], settings: RefineSettings, again: bool = True
+    ) -> None:
         copying = SplatCopying(scene.gssmc.splat)
         super().__init__(len(entries), copying)
         self.settings = settings
-        self.verdicts: Counter[str] = Counter()
         self.failed: list[tuple[str, str]] = []
+        self.found_again: list[str] = []  # names of the cameras that a second try found
+        self._verdict_of: dict[int, str] = {}
+        self._tries_again = again
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._cameras = [(entry.camera.session_uid, entry.camera.name) for entry in entries]
         self._renderer = SplatRenderer(copying, settings.threads)
         self._targets: jobs.Targets | None = None
+        self._tried = 0  # starts that the present photo of the second pass has
 
     def close(self) -> None:
         self._renderer.close()
@@ -121,9 +127,19 @@ class RefineQueue(QueueJob):
                 rpt_("The splat or its scene was removed while photos were refined; those done before keep their result.")
             )
 
-    def begin_item(self, index: int) -> Callable[[], Steps]:
-        uid, name = self._cameras[index]
-        self.step, self.detail = name, _place(self)
+    def begin_try(self, item: int, start: neighbours.Neighbour | None) -> Callable[[], Steps]:
+        name = self._cameras[item][1]
+        number, count = self.place
+        self.step, self.detail = name, iface_("Photo {number} of {count}", number=number, count=count)
+        if start:
+            self.detail = iface_('Again, {number} of {count}: from "{name}"', number=number, count=count, name=start.name)
+        inputs = self._gather(item)
+        if start:
+            inputs = replace(inputs, camera=replace(inputs.camera, pose=start.pose))
+        return partial(refinement, inputs)
+
+    def _gather(self, item: int) -> RefineInputs:
+        uid, name = self._cameras[item]
         scene = jobs.by_uid(bpy.data.scenes, self._scene)
         splat, camera = jobs.by_uid(scene.objects, self._splat), jobs.by_uid(scene.objects, uid)
         if camera is None:
@@ -133,26 +149,48 @@ class RefineQueue(QueueJob):
         self._targets = job.targets
         if photo and photo.has_data and not photo.is_dirty and camera != scene.camera:
             photo.buffers_free()  # OpenEXR is decoded by Blender, which would keep the pixels of every photo
-        return partial(refinement, job.inputs)
+        return job.inputs
 
     def note(self, news: RefineProgress) -> None:
-        self.fraction = (self.index + news.fraction) / self.count
+        self.fraction = self.progress(news.fraction)
 
-    def end_item(self, index: int, report: RefineReport) -> None:
-        jobs.apply_report(self._targets, report)
-        self.verdicts[report.verdict] += 1
-        entry = self._entry(index)
-        if entry:
-            entry.error = ""
+    def end_try(self, item: int, start: neighbours.Neighbour | None, report: RefineReport) -> bool:
+        """A try of the second pass is written only when it is better than what there is."""
+        before = self._verdict_of.get(item, "")
+        if start is None or RANK[report.verdict] > RANK[before]:
+            jobs.apply_report(self._targets, report)
+            self._verdict_of[item] = report.verdict
+            self._note(item, note=rpt_('Found from the camera of "{name}".', name=start.name) if start else "")
+        if start and before == "failed" != report.verdict:
+            self.found_again.append(self._cameras[item][1])
+        return report.verdict == "trusted" or (start is None and report.verdict == "check")
 
-    def fail_item(self, index: int, message: str) -> None:
-        self.failed.append((self._cameras[index][1], message))
-        entry = self._entry(index)
-        if entry:
-            entry.error = message
+    def fail_try(self, item: int, start: neighbours.Neighbour | None, message: str) -> None:
+        """In the second pass the photo keeps its verdict, and the line says what happened."""
+        if start is None:
+            self.failed.append((self._cameras[item][1], message))
+        self._note(item, error=message)
+
+    def other_starts(self, item: int) -> Sequence[neighbours.Neighbour]:
+        scene, camera = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
+        found = neighbours.starts(scene, jobs.by_uid(scene.objects, self._splat), camera) if self._tries_again else []
+        self._tried = len(found)
+        return found
+
+    def gave_up(self, item: int) -> None:
+        if self._verdict_of[item] == "failed":
+            tried = rpt_("Tried again from the cameras of {count} solved photos, without success.", count=self._tried)
+            if self._tried == 1:
+                tried = rpt_("Tried again from the camera of 1 solved photo, without success.")
+            self._note(item, note=tried)
 
     def result(self) -> RefineQueue:
         return self
+
+    @property
+    def verdicts(self) -> Counter[str]:
+        """How many photos have which verdict."""
+        return Counter(self._verdict_of.values())
 
     @property
     def refined(self) -> int:
@@ -160,20 +198,28 @@ class RefineQueue(QueueJob):
         return self.verdicts["trusted"] + self.verdicts["check"]
 
     def summary(self) -> str:
-        """One sentence on all of them."""
-        words = [rpt_(COUNTED[word], count=self.verdicts[word]) for word in COUNTED if self.verdicts[word]]
+        """One to three sentences on all of them."""
+        verdicts = self.verdicts
+        words = [rpt_(COUNTED[word], count=verdicts[word]) for word in COUNTED if verdicts[word]]
         if self.failed:
             words.append(rpt_("{count} could not be refined", count=len(self.failed)))
-        done = self.verdicts.total() + len(self.failed)
-        values = {"done": done, "count": self.count, "results": ", ".join(words) or rpt_("none done")}
-        all_of_them = rpt_("{done} of {count} photos: {results}.", **values)
-        if self.count == 1:
-            all_of_them = rpt_("{done} of 1 photo: {results}.", **values)
-        return f"{all_of_them} {self.failed[0][1]}" if self.failed else all_of_them
+        done = verdicts.total() + len(self.failed)
+        values = {"done": done, "count": self.items, "results": ", ".join(words) or rpt_("none done")}
+        said = [rpt_("{done} of {count} photos: {results}.", **values)]
+        if self.items == 1:
+            said = [rpt_("{done} of 1 photo: {results}.", **values)]
+        if len(self.found_again) == 1:
+            said.append(rpt_("1 photo was found from a solved one's camera."))
+        elif self.found_again:
+            said.append(rpt_("{count} photos were found from a solved one's camera.", count=len(self.found_again)))
+        return " ".join([*said, *[message for _, message in self.failed[:1]]])
 
-    def _entry(self, index: int) -> GssmcPhoto | None:
-        scene, uid = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[index][0]
-        return next((e for e in scene.gssmc.photos if e.camera and e.camera.session_uid == uid), None)
+    def _note(self, item: int, error: str = "", note: str = "") -> None:
+        """What the photo's line says."""
+        scene, uid = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
+        entry = next((e for e in scene.gssmc.photos if e.camera and e.camera.session_uid == uid), None)
+        if entry:
+            entry.error, entry.note = error, note
 
 
 def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
@@ -187,7 +233,7 @@ def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
     wanted = {
         "ALL": lambda entry: True,
         "TICKED": lambda entry: entry.ticked,
-        "OPEN": lambda entry: camera_solution.verdict(scene, entry.camera) != "TRUSTED",
+        "OPEN": photo_list.is_open,
     }[which]
     found = [entry for entry in with_camera if wanted(entry)]
     if not found:
@@ -196,8 +242,8 @@ def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
     return found
 
 
-def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings) -> RefineQueue:
+def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings, again: bool = True) -> RefineQueue:
     """The queue of the list's photos. Raises GssmcError when there is no splat or nothing to refine."""
     entries = entries_to_refine(scene, which)
     splat_object.check_picked(scene, scene.gssmc.splat)
-    return RefineQueue(scene, entries, settings)
+    return RefineQueue(scene, entries, settings, again)

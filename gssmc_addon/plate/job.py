@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from statistics import median
@@ -16,7 +17,7 @@ from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.sequence import FramePose
 from ...core.pose.settings import RefineSettings
 from ..camera import bridge as camera_bridge
-from ..jobs.machine import QueueJob
+from ..jobs.retries import RetryQueue
 from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import mask as mask_source
 from ..refine import job as jobs
@@ -27,6 +28,7 @@ from . import source as plate_source
 
 DOUBT = 0.25  # weight of a frame whose verdict is "check"
 SHOWN_FRAMES = 12
+FIGURES = re.compile(r"\d+(\.\d+)?")
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,11 @@ class SequenceOptions:
     key_lens: bool
 
 
-class SequenceJob(QueueJob):
-    """Refines the frames outward from the current one. Its result is the job itself; `path()` makes the keys of it."""
+class SequenceJob(RetryQueue):
+    """Refines the frames outward from the current one; those of which no camera was found again from solved ones beside them.
+
+    Its result is the job itself; `path()` makes the keys of it.
+    """
 
     status = n_("Refining the plate    Esc: cancel")
 
@@ -60,6 +65,7 @@ class SequenceJob(QueueJob):
         self.order = sequence.outward(frames, scene.frame_current)
         self.reports: dict[int, RefineReport] = {}
         self.bad: dict[int, str] = {}
+        self._started: dict[int, int | None] = {}  # the frame whose camera a frame's first try started from
         self._uids = scene.session_uid, splat.session_uid, camera.session_uid
         self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
@@ -79,27 +85,40 @@ class SequenceJob(QueueJob):
     def close(self) -> None:
         self._renderer.close()
 
-    def begin_item(self, index: int) -> Callable[[], Steps]:
-        frame = self.order[index]
+    def begin_try(self, item: int, start: int | None) -> Callable[[], Steps]:
+        """`start`: the frame whose camera is the start; in the first pass that of the nearest solved frame."""
+        frame, (number, count) = self.order[item], self.place
         self.step = iface_("Frame {frame}", frame=frame)
-        self.detail = iface_("{number} of {count} frames", number=index + 1, count=self.count)
-        near = sequence.nearest(frame, self.reports)
-        start = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
+        self.detail = iface_("{number} of {count}", number=number, count=count)
+        if start is not None:
+            self.detail = iface_("Again, {number} of {count}: from frame {frame}", number=number, count=count, frame=start)
+        near = sequence.nearest(frame, self.reports) if start is None else start
+        self._started.setdefault(frame, near)
+        camera = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
         source = mask_source.masked(self._plate.at(frame), self._mask)
-        return partial(refinement, RefineInputs(self._renderer, source, start, self.settings))
+        return partial(refinement, RefineInputs(self._renderer, source, camera, self.settings))
 
     def note(self, news: RefineProgress) -> None:
-        self.fraction = (self.index + news.fraction) / self.count
+        self.fraction = self.progress(news.fraction)
 
-    def end_item(self, index: int, report: RefineReport) -> None:
-        frame = self.order[index]
-        if report.verdict == "failed":
-            self.bad[frame] = report.reasons[0] if report.reasons else rpt_("No camera was found.")
-        else:
+    def end_try(self, item: int, start: int | None, report: RefineReport) -> bool:
+        frame = self.order[item]
+        if report.verdict != "failed":
             self.reports[frame] = report
+            self.bad.pop(frame, None)
+        elif start is None:
+            self.bad[frame] = _first_reason(report)
+        return report.verdict != "failed"
 
-    def fail_item(self, index: int, message: str) -> None:
-        self.bad[self.order[index]] = message
+    def fail_try(self, item: int, start: int | None, message: str) -> None:
+        self.bad.setdefault(self.order[item], message)
+
+    def other_starts(self, item: int) -> list[int]:
+        """The nearest solved frames before and after, but for the one that was the start already."""
+        frame = self.order[item]
+        sides = [f for f in self.reports if f < frame], [f for f in self.reports if f > frame]
+        near = [sequence.nearest(frame, side) for side in sides]
+        return [f for f in near if f is not None and f != self._started[frame]]
 
     def result(self) -> SequenceJob:
         return self
@@ -130,16 +149,51 @@ class SequenceJob(QueueJob):
         depths = [report.quality.median_depth for report in self.reports.values() if report.quality]
         return median(depths) if depths else 0.0
 
+    @property
+    def doubtful(self) -> dict[int, str]:
+        """The keyed frames whose verdict is "check", each with its first reason."""
+        found = {frame: report for frame, report in self.reports.items() if frame not in self.bad}
+        return {frame: _first_reason(report) for frame, report in found.items() if report.verdict == "check"}
+
     def summary(self) -> str:
-        """One or two sentences on all frames."""
-        good = self.count - len(self.bad)
-        words = [rpt_("{good} of {count} frames of the plate were refined.", good=good, count=self.count)]
+        """Up to three sentences on all frames."""
+        values = {"good": self.items - len(self.bad), "count": self.items}
+        words = [rpt_("{good} of {count} frames of the plate were refined.", **values)]
+        if self.items == 1:
+            words = [rpt_("1 frame of the plate was refined.")]
+        if self.doubtful:
+            words.append(rpt_("Look at these before you rely on them: {frames}.", frames=frame_list(self.doubtful)))
         if self.bad:
             words.append(rpt_("Bad and not keyed: {frames}.", frames=frame_list(self.bad)))
         return " ".join(words)
 
+    def reasons(self) -> list[str]:
+        """The summary, then why frames are bad or doubtful, a line for all frames of which the same is to be said."""
+        return [self.summary(), *_by_sentence(self.bad), *_by_sentence(self.doubtful)]
 
-def frame_list(frames: dict[int, str]) -> str:
+
+def _first_reason(report: RefineReport) -> str:
+    return report.reasons[0] if report.reasons else rpt_("No camera was found.")
+
+
+def _by_sentence(frames: Mapping[int, str]) -> list[str]:
+    """A line for each sentence with its frames. Sentences that differ in their figures alone share one, with the first's."""
+    groups: dict[str, list[int]] = {}
+    for frame in sorted(frames):
+        groups.setdefault(FIGURES.sub("0", frames[frame]), []).append(frame)
+    lines = []
+    for same in groups.values():
+        values = {"frames": frame_list(same), "first": same[0], "reason": frames[same[0]]}
+        if len(same) == 1:
+            lines.append(rpt_("Frame {frames}: {reason}", **values))
+        elif len({frames[frame] for frame in same}) == 1:
+            lines.append(rpt_("Frames {frames}: {reason}", **values))
+        else:
+            lines.append(rpt_("Frames {frames}, with the figures of {first}: {reason}", **values))
+    return lines
+
+
+def frame_list(frames: Iterable[int]) -> str:
     """The frames in words, the first dozen of them."""
     numbers = sorted(frames)
     shown = ", ".join(map(str, numbers[:SHOWN_FRAMES]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import bpy
 
-from ..jobs import slot as jobs
 from ..photo import image as photo_image
 from ..refine import panel as panels
 from ..support.texts import iface_
@@ -24,8 +23,7 @@ class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
             hint = iface_("Add a movie or an image sequence, go to a frame and bring the camera there.")
             panels.draw_text(layout, context, hint)
             return
-        if not jobs.active():
-            layout.operator("gssmc.refine_sequence", text="Refine Plate...", icon="CAMERA_DATA")
+        layout.operator("gssmc.refine_sequence", text="Refine Plate...", icon="CAMERA_DATA")
         if camera.data.gssmc.bad_frames:
             text = iface_("Bad frames: {frames}", frames=camera.data.gssmc.bad_frames)
             panels.draw_text(layout.box(), context, text, icon="ERROR")

@@ -34,8 +34,7 @@ class GSSMC_PT_preview(panels._Sidebar, bpy.types.Panel):
             panels.draw_text(layout, context, iface_("This style shows in an Image Editor; open one, or choose another style."))
         if own.flicker:
             layout.prop(own, "flicker", toggle=True, icon="PAUSE")
-        if not jobs.active():
-            layout.operator("gssmc.preview", icon="IMAGE_RGB")
+        layout.operator("gssmc.preview", icon="IMAGE_RGB")
 
 
 classes = (GSSMC_PT_preview,)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import bpy
 
 from ..camera import solution as camera_solution
 from ..jobs import slot as jobs
-from ..jobs.machine import CATEGORY, Job
+from ..jobs.machine import CATEGORY
 from ..photo import image as photo_image
 from ..registration import camera_props, preferences
 from ..registration import settings as settings_props
 from ..splat import object as splat_object
+from ..support import wrapping
 from ..support.texts import iface_
 from ..viewport import props as viewport_props
 
-PIXELS_PER_CHARACTER = 6.4
+LINE_SCALE = 0.8  # of a line of text
+OUTCOME_LINES = 4  # in a sidebar of the usual width the first sentence of a verdict, which is then the plainest
 
 
 class _Sidebar:
@@ -26,24 +26,29 @@ class _Sidebar:
 
 
 class GSSMC_PT_main(_Sidebar, bpy.types.Panel):
+    """The four steps from a scan and a photo to its camera. All are there from the start: nothing moves under the mouse."""
+
     bl_label = "Photo Camera"
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
+        layout, scene = self.layout, context.scene
+        camera = scene.camera if scene.camera and scene.camera.type == "CAMERA" else None
+        photo = photo_image.camera_photo(camera) if camera else None
         _draw_splat(layout, context)
-        camera = context.scene.camera
-        camera = camera if camera and camera.type == "CAMERA" else None
         _draw_photo(layout, context, camera)
-        job = jobs.active()
-        if job:
-            _draw_progress(layout, job)
-        else:
-            _draw_refine(layout, context, camera)
+        _draw_camera(layout, context, camera if photo else None)
+        _draw_refine(layout, context, camera if photo else None)
+
+
+def _step(layout: bpy.types.UILayout, text: str, done: bool) -> bpy.types.UILayout:
+    """A column with the heading of a step."""
+    column = layout.column(align=True)
+    column.label(text=text, icon="CHECKMARK" if done else "RADIOBUT_OFF")
+    return column
 
 
 def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    column = layout.column(align=True)
-    column.label(text="Splat")
+    column = _step(layout, "1  Splat", context.scene.gssmc.splat is not None)
     if any(splat_object.is_splat(o) for o in context.scene.objects):
         column.prop(context.scene.gssmc, "splat", text="")
         viewport_props.draw_settings(column, context.scene.gssmc.splat)
@@ -52,69 +57,102 @@ def _draw_splat(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def _draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
-    column = layout.column(align=True)
-    column.label(text="Photo")
+    photo = photo_image.camera_photo(camera) if camera else None
+    column = _step(layout, "2  Photo", photo is not None)
     if camera:
         column.prop(camera.data.gssmc, "photo", text="")
-        if photo_image.camera_photo(camera):
+        if photo:
             row = column.row(align=True)
             row.prop(camera.data.gssmc, "mask", text="", icon="MOD_MASK", placeholder="Mask")
             row.operator("gssmc.set_mask", text="", icon="FILEBROWSER")
     column.operator("gssmc.add_photo", icon="IMAGE_DATA")
-    if camera and photo_image.camera_photo(camera):
-        column.separator()
-        column.label(text="Camera")
+
+
+def _draw_camera(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
+    column = _step(layout, "3  Camera", camera is not None and camera.data.gssmc.verdict != "NONE")
+    if camera:
         column.prop(context.scene, "camera", text="")
         column.prop(camera.data, "lens")
-        view = context.space_data
-        column.prop(view, "lock_camera", text="Move Camera With View", toggle=True)
+        column.prop(context.space_data, "lock_camera", text="Move Camera With View", toggle=True)
         column.operator("gssmc.camera_from_view")
-        if camera.data.gssmc.verdict == "NONE" and not jobs.active():
-            draw_text(layout, context, iface_("Bring the camera to about where the photo was taken, then refine."))
-
-
-def _draw_progress(layout: bpy.types.UILayout, job: Job) -> None:
-    column = layout.column(align=True)
-    column.progress(factor=job.fraction, text=job.step)
-    if job.detail:
-        column.label(text=job.detail)
-    column.operator("gssmc.cancel", icon="X")
 
 
 def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
-    column = layout.column(align=True)
-    row = column.row()
+    """The button, or the progress in its place, and the box below, as high before and while a camera is refined as after."""
+    job = jobs.active()
+    column = _step(layout, "4  Refine", camera is not None and camera_solution.verdict(context.scene, camera) == "TRUSTED")
+    row = column.row(align=True)
     row.scale_y = 1.5
-    row.operator("gssmc.refine", icon="CAMERA_DATA")
-    note = camera.data.gssmc if camera else None
-    if note and note.verdict != "NONE":
-        _draw_verdict(layout.box(), context, camera)
-    last = context.window_manager.gssmc
-    if last.message:
-        draw_text(layout.box(), context, last.message, icon=last.message_icon)
+    if job:
+        row.progress(factor=job.fraction, text=job.step)
+        row.operator("gssmc.cancel", text="", icon="X")
+    else:
+        row.operator("gssmc.refine", icon="CAMERA_DATA")
+    _draw_outcome(layout.box(), context, camera)
 
 
-def _draw_verdict(box: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object) -> None:
-    """What came of the last refinement; greyed out, with the way back, where the camera is no longer what was solved."""
-    note, changed = camera.data.gssmc, camera_solution.title(context.scene, camera)
+def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
+    """What came of it: a title and OUTCOME_LINES lines of text, all of it when unfolded. Where the camera is no
+    longer what was solved, the title says so, and the way back takes the place of a line.
+    """
+    last, note = context.window_manager.gssmc, camera.data.gssmc if camera else None
+    titles, icon, texts = _outcome(note, last.message)
+    changed = camera_solution.title(context.scene, camera) if camera and not jobs.active() else ""
+    room = wrapping.room_px(context, icon=True) - wrapping.ICON_PX  # of the arrow
     if changed:
-        box.label(text=changed, icon=camera_props.VERDICT_ICONS[camera_solution.CHANGED])
-        box.operator("gssmc.back_to_solution", icon="LOOP_BACK")
-    column = box.column(align=True)
-    column.active = not changed or note.verdict == "FAILED"
-    column.label(text=camera_props.verdict_title(note), icon=camera_props.VERDICT_ICONS[note.verdict])
-    for reason in note.reasons.splitlines():
-        draw_text(column, context, reason)
+        below = 1 if last.message else 0  # the message stays first, with its icon
+        texts = [*texts[:below], titles[0], *texts[below:]]
+        titles, icon = [changed], camera_props.VERDICT_ICONS[camera_solution.CHANGED]
+    row = box.row()
+    row.label(text=next((text for text in titles if wrapping.fits(text, room)), titles[-1]), icon=icon)
+    row.prop(last, "details", text="", icon="DISCLOSURE_TRI_DOWN" if last.details else "DISCLOSURE_TRI_RIGHT", emboss=False)
+    column = _column_of_lines(box)
+    if changed:
+        column.operator("gssmc.back_to_solution", icon="LOOP_BACK")
+    icon = last.message_icon if last.message and not jobs.active() else "NONE"
+    if last.details:
+        for text in texts or [""]:
+            draw_text(box, context, text, icon=icon)
+            icon = "NONE"
+    else:
+        count = OUTCOME_LINES - 1 if changed else OUTCOME_LINES
+        _draw_lines(column, wrapping.fitted(texts, wrapping.room_px(context, icon != "NONE"), count), icon)
 
 
-def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """A sentence in the user's language, wrapped to the sidebar's width."""
-    scale = context.preferences.system.ui_scale
-    width = max(16, int((context.region.width / scale - 60) / PIXELS_PER_CHARACTER))
+def _outcome(note: camera_props.GssmcCamera | None, message: str) -> tuple[list[str], str, list[str]]:
+    """Title (the longest first), icon and texts: of a job its progress, else the last message and the camera's verdict."""
+    job = jobs.active()
+    if job:
+        return [iface_("Working")], "TIME", [job.detail]
+    if note is None:
+        titles, texts = [iface_("No photo yet")], [iface_("Import a splat and add a photo that was taken there.")]
+    elif note.verdict == "NONE":
+        titles, texts = (
+            [iface_("Not refined yet")],
+            [iface_("Bring the camera to about where the photo was taken, then refine.")],
+        )
+    else:
+        titles = [camera_props.verdict_title(note), iface_(camera_props.VERDICT_NAMES[note.verdict])]
+        texts = note.reasons.splitlines()
+    icon = camera_props.VERDICT_ICONS[note.verdict] if note and note.verdict != "NONE" else "BLANK1"
+    return titles, icon, [message, *texts] if message else texts
+
+
+def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", least: int = 0) -> None:
+    """A sentence in the user's language, wrapped to the sidebar's width; empty lines make it at least `least` lines high."""
+    found = wrapping.lines(text, wrapping.room_px(context, icon != "NONE"))
+    _draw_lines(_column_of_lines(layout), found + [""] * (least - len(found)), icon)
+
+
+def _column_of_lines(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     column = layout.column(align=True)
-    column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, width)):
-        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+    column.scale_y = LINE_SCALE
+    return column
+
+
+def _draw_lines(column: bpy.types.UILayout, lines: list[str], icon: str) -> None:
+    for number, line in enumerate(lines):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"), translate=False)
 
 
 class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
@@ -143,20 +181,32 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         column.operator("gssmc.match_resolution")
 
 
-class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
-    bl_label = "Settings"
+class GSSMC_PT_quality(_Sidebar, bpy.types.Panel):
+    bl_label = "Quality"
     bl_parent_id = "GSSMC_PT_main"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        own = context.scene.gssmc
+        row = self.layout.row(align=True)
+        for word in ("DRAFT", "NORMAL", "BEST"):
+            row.prop_enum(own, "quality", word)
+
+
+class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
+    bl_label = "Values"
+    bl_parent_id = "GSSMC_PT_quality"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True
         column = self.layout.column()
         for name in settings_props.settings_annotations():
-            if name == "lens":  # stands in the Lens panel
+            if name == settings_props.LENS:
                 continue
             column.prop(context.scene.gssmc, name)
             if name in settings_props.CHOICES:
                 _draw_missing_model(column, context, getattr(context.scene.gssmc, name))
+        self.layout.operator("gssmc.reset_settings", icon="LOOP_BACK")
 
 
 def _draw_missing_model(layout: bpy.types.UILayout, context: bpy.types.Context, choice: str) -> None:
@@ -167,4 +217,4 @@ def _draw_missing_model(layout: bpy.types.UILayout, context: bpy.types.Context, 
         layout.operator("preferences.addon_show", text="Open Preferences").module = preferences.PACKAGE
 
 
-classes = (GSSMC_PT_main, GSSMC_PT_lens, GSSMC_PT_settings)
+classes = (GSSMC_PT_main, GSSMC_PT_quality, GSSMC_PT_settings, GSSMC_PT_lens)

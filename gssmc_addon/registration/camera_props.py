@@ -35,8 +35,12 @@ VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "F
 
 
 def verdict_title(note: GssmcCamera) -> str:
-    """One line for the panel: the verdict, with iterations and time of the refinement that gave it."""
+    """One line for the panel: the verdict, with the iterations, or of a plate the frames, and the time that it took."""
     values = {"verdict": iface_(VERDICT_NAMES[note.verdict]), "count": note.iterations_done, "seconds": note.seconds}
+    if note.frames_done:
+        values["count"] = note.frames_done
+        one = iface_("{verdict}: 1 frame, {seconds:.1f} s", **values)
+        return one if note.frames_done == 1 else iface_("{verdict}: {count} frames, {seconds:.1f} s", **values)
     if note.iterations_done == 1:
         return iface_("{verdict}: 1 iteration, {seconds:.1f} s", **values)
     return iface_("{verdict}: {count} iterations, {seconds:.1f} s", **values)
@@ -49,7 +53,7 @@ def note_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], i
     if verdict == "none":
         note.solution, note.solved_photo = "", None
     note.verdict, note.reasons = verdict.upper(), "\n".join(reasons)
-    note.iterations_done, note.seconds = iterations, seconds
+    note.iterations_done, note.seconds, note.frames_done = iterations, seconds, 0
 
 
 def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
@@ -109,7 +113,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name="Undistorted", description="The photo's copy without lens distortion, for the background", type=bpy.types.Image
         ),
         "lens_state": EnumProperty(
-            name="Focal Length Is",
+            name="Lens Is",
             description="Where the focal length comes from, hence whether Refine solves for it",
             items=LENS_STATES,
             get=_lens_state,
@@ -145,6 +149,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "verdict": EnumProperty(name="Verdict", items=VERDICTS, default="NONE"),
         "reasons": StringProperty(name="Reasons", description="Why, one sentence per line"),
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
+        "frames_done": IntProperty(name="Frames", description="Frames of the last refinement of a plate; 0: it was of a photo"),
         "seconds": FloatProperty(name="Seconds", description="Wall time of the last refinement"),
         "bad_frames": StringProperty(
             name="Bad Frames", description="Frames of a plate that could not be refined and have no key"

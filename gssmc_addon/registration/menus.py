@@ -13,6 +13,7 @@ def _draw_import(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 def _draw_export(self: bpy.types.Menu, context: bpy.types.Context) -> None:
+    self.layout.operator("gssmc.export_splats", text="Gaussian Splats (.ply)")
     self.layout.operator("gssmc.export_cameras", text="Photo Cameras (COLMAP, transforms.json, JSON)")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 import bpy
-from bpy.props import CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
 from ...core.pose.presets import PRESETS
 from ...core.pose.settings import RefineSettings
@@ -18,11 +18,12 @@ from ..preview import state as preview_state
 from ..splat import object as splat_object
 from . import preferences
 from .camera_props import GssmcCamera
-from .settings import MODEL_OF, settings_annotations
+from .settings import MODEL_OF, quality_annotation, settings_annotations
 
 
 def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
-    """A line of the list was clicked: its camera becomes the one that is looked through."""
+    """A line of the list was clicked: its camera becomes the one that is looked through, and its verdict what is told."""
+    context.window_manager.gssmc.tell("")
     photo_list.show(context, self.id_data)
 
 
@@ -51,6 +52,7 @@ class GssmcScene(bpy.types.PropertyGroup):
         ),
         "photos": CollectionProperty(type=GssmcPhoto),
         "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=_photo_clicked),
+        "quality": quality_annotation(),
         **settings_annotations(),
     }
 
@@ -61,6 +63,9 @@ class GssmcWindow(bpy.types.PropertyGroup):
     __annotations__ = {
         "message": StringProperty(name="Message", description="What the last operation said"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
+        "details": BoolProperty(
+            name="Details", description="Show all that is to be said of the camera, and not only the beginning"
+        ),
         "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
 
@@ -73,15 +78,26 @@ class GssmcWindow(bpy.types.PropertyGroup):
 classes = (GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
 
 
+@bpy.app.handlers.persistent
+def _after_undo(*_: object) -> None:
+    """What the last operation said is no longer so: undo takes back its result, and knows nothing of the message."""
+    for manager in bpy.data.window_managers:
+        manager.gssmc.tell("")
+
+
 def register() -> None:
     for cls in classes:
         bpy.utils.register_class(cls)
     bpy.types.Scene.gssmc = PointerProperty(type=GssmcScene)
     bpy.types.Camera.gssmc = PointerProperty(type=GssmcCamera)
     bpy.types.WindowManager.gssmc = PointerProperty(type=GssmcWindow)
+    bpy.app.handlers.undo_post.append(_after_undo)
+    bpy.app.handlers.redo_post.append(_after_undo)
 
 
 def unregister() -> None:
+    bpy.app.handlers.redo_post.remove(_after_undo)
+    bpy.app.handlers.undo_post.remove(_after_undo)
     del bpy.types.WindowManager.gssmc
     del bpy.types.Camera.gssmc
     del bpy.types.Scene.gssmc

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
+from ...core.pose.presets import QUALITIES
 from ...core.pose.settings import RefineSettings
 from ...core.support.options import Option, options_of
 from . import preferences
@@ -23,7 +25,14 @@ TITLES = {  # where the field's own name does not fit into the sidebar
     "perturb_translation_units": "Shift (units)",
     "perturb_rotation_deg": "Turn (deg)",
 }
+LENS = "lens"  # stands in the Lens panel, and belongs to no quality
 MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
+QUALITY_ITEMS = (
+    ("DRAFT", "Draft", "Fewer views of smaller pictures: for a first look, and for going through many photos quickly", 0),
+    ("NORMAL", "Normal", "GS-SMC's own settings", 1),
+    ("BEST", "Best", "More views, and larger pictures for the last stage: for the final camera of a large photo", 2),
+    ("CUSTOM", "Custom", "Values of your own, set below", 3),
+)
 CHOICES = {
     name: [(word, choice.title, _sentence(choice.text)) for word, choice in option.choices.items()]
     for name, option in OPTIONS.items()
@@ -47,6 +56,41 @@ def _limits(option: Option) -> dict[str, float]:
     soft_low = option.low if option.soft_low is None else option.soft_low
     soft_high = option.high if option.soft_high is None else option.soft_high
     return {"min": option.low, "max": option.high, "soft_min": soft_low, "soft_max": soft_high}
+
+
+def quality_annotation() -> EnumProperty:
+    """What is chosen instead of single settings. It keeps nothing of its own: it is read from the settings, and sets them."""
+    return EnumProperty(
+        name="Quality",
+        items=QUALITY_ITEMS,
+        default="NORMAL",
+        get=_quality,
+        set=_set_quality,
+        description="How much work goes into a camera; it sets some of the values below",
+        options={"SKIP_SAVE"},
+    )
+
+
+def _quality(owner: bpy.types.bpy_struct) -> int:
+    """The number of the quality whose values are set, that of CUSTOM when it is none's."""
+    return next((number for number, values in enumerate(QUALITIES.values()) if _has(owner, values)), len(QUALITIES))
+
+
+def _has(owner: bpy.types.bpy_struct, values: Mapping[str, object]) -> bool:
+    return all(getattr(owner, name) == value for name, value in values.items())
+
+
+def _set_quality(owner: bpy.types.bpy_struct, number: int) -> None:
+    if number < len(QUALITIES):
+        for name, value in list(QUALITIES.values())[number].items():
+            setattr(owner, name, value)
+
+
+def reset(owner: bpy.types.bpy_struct) -> None:
+    """Gives all settings, but for the lens, which has a panel of its own, the engine's defaults."""
+    for name in settings_annotations():
+        if name != LENS:
+            owner.property_unset(name)
 
 
 def settings_annotations() -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""GaussianScene <-> point cloud object, in the attribute layout of Blender 5.3's native splats (PLATFORM).
+"""GaussianScene <-> point cloud object, in the attribute layout of Blender 5.3's native splats.
 
 position, scale (linear), rotation (w x y z), radiance:base (f_dc_0..2 and opacity), radiance:sh_0, radiance:sh_1 ... one
 attribute per SH coefficient above degree 0. Positions stay in the file's coordinates.

@@ -25,8 +25,8 @@ from ...core.render.memory import machine_bytes
 from ..splat import object as splat_object
 
 MODULES = ("numpy", "cv2", "scipy", "plyfile")
-TOLD = ("width", "height", "verdict", "reasons", "iterations", "seconds", "quality", "stage", "lens")  # of a report
-TOLD_OF_ITERATION = ("views_used", "matches", "inliers", "epipolar_rms_px")
+TOLD = ("width", "height", "verdict", "reasons", "details", "iterations", "seconds", "quality", "stage", "lens")  # of a report
+TOLD_OF_ITERATION = ("views_used", "matches", "inliers", "rms_px_of_photo")
 QUOTED = re.compile(r"\"[^\"\n]*\"|(?<!\w)'[^'\n]*'(?!\w)")  # names and paths stand in quotes; an apostrophe is none
 PATHS = re.compile(r"\S*[\\/](?:.*[\\/])?\S*")  # from the first path of a line to the last, whatever stands between
 
@@ -114,6 +114,9 @@ def _record(report: RefineReport) -> dict[str, Any]:
     """A report in the words and figures that are told, which are listed: what is added to it elsewhere stays out."""
     whole = report_to_dict(report)
     told = {name: whole[name] for name in TOLD if name in whole}
-    told["reasons"] = [without_names(reason) for reason in report.reasons]
+    for sentences in ("reasons", "details"):
+        told[sentences] = [without_names(sentence) for sentence in told[sentences]]
+    if told["quality"]:
+        told["quality"] = {name: value for name, value in told["quality"].items() if name != "pose"}
     told["iterations"] = [{name: step[name] for name in TOLD_OF_ITERATION if name in step} for step in whole["iterations"]]
     return told

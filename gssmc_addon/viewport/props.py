@@ -65,7 +65,7 @@ def draw_settings(layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> N
         layout.label(text="Shown as points:", icon="INFO")
         layout.label(text="no fit graphics here", icon="BLANK1")
         return
-    layout.prop(obj.gssmc, "max_shown")
+    layout.prop(obj.gssmc, "max_shown")  # each in a row of its own: side by side the number is cut in a narrow sidebar
     layout.prop(obj.gssmc, "opacity", slider=True)
 
 

@@ -1,6 +1,7 @@
 """Ring 2: the built zip, installed into a fresh user directory of the real bpy, driven through its operators.
 
 Each `inside/check_*.py` is a pytest module that runs in a Blender process of its own: a crash there fails one test here.
+`inside/plan.py` says which of them run in which Blender.
 """
 
 import os
@@ -9,21 +10,42 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import plan
 import pytest
 
 HERE = Path(__file__).parent
 REPO = HERE.parents[1]
-CHECKS = sorted((HERE / "inside").glob("check_*.py"))
-LIMIT_S = 240
-# Blender 4.5 LTS, set up by `scripts/setup.sh --all`. It is spared the examples of docs/ and the real scan, the longest checks,
-# which call no operator that the others do not (check_operators sees to that).
-PYTHON_45 = REPO / ".venv45" / "bin" / "python"
-CHECKS_45 = [check for check in CHECKS if check.stem not in ("check_docs", "check_fox")]
-
-PYTHONS = {"test_inside_blender": sys.executable, "test_inside_blender_45": str(PYTHON_45)}
+LIMIT_S = 480  # far beyond what any check takes, so that only one that hangs is ended
+ENVIRONMENT = dict(os.environ)  # copied once: pytest changes it while the checks are started from threads
 AT_ONCE = 2  # most checks keep one core busy
+PYTHONS = {
+    (4, 5): REPO / ".venv45" / "bin" / "python",
+    (5, 2): Path(sys.executable),
+    (5, 3): REPO / ".venv53" / "bin" / "python",
+}
+SCANS = ("check_fox", "check_native")  # some of their tests need ../shared
 
 pytest.importorskip("bpy", reason="ring 2 needs Blender as a Python module (bpy)")
+
+
+def name_of(blender):
+    """What tests and marks of a Blender other than .venv's end with: 45 or 53."""
+    return "" if blender == plan.MAIN else "".join(map(str, blender))
+
+
+def marks(blender, check):
+    yield getattr(pytest.mark, f"blender{name_of(blender)}")
+    if check.stem in SCANS:
+        yield pytest.mark.scan
+    if not PYTHONS[blender].exists():
+        yield pytest.mark.skip(f"Blender {'.'.join(map(str, blender))} is not set up; run scripts/setup.sh --all")
+
+
+PARAMETERS = [
+    pytest.param(blender, check, id=check.stem + name_of(blender), marks=[*marks(blender, check)])
+    for blender in plan.BLENDERS
+    for check in plan.checks(blender)
+]
 
 
 @pytest.fixture(scope="session")
@@ -42,41 +64,28 @@ def runs(request, extension_zip, tmp_path_factory):
     with ThreadPoolExecutor(AT_ONCE) as pool:
         started = {}
         for item in request.session.items:
-            python = PYTHONS.get(getattr(item, "originalname", ""))
-            if python and not any(mark.args[0] for mark in item.iter_markers("skipif")):
+            if "runs" in item.fixturenames and not item.get_closest_marker("skip"):
+                blender, check = item.callspec.params["blender"], item.callspec.params["check"]
                 folder = tmp_path_factory.mktemp(item.callspec.id)
-                started[item.nodeid] = pool.submit(run_inside, python, item.callspec.params["check"], extension_zip, folder)
+                started[item.nodeid] = pool.submit(run_inside, PYTHONS[blender], check, extension_zip, folder)
         yield started
         pool.shutdown(cancel_futures=True)
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=[c.stem for c in CHECKS])
-def test_inside_blender(check, runs, request):
-    assert_passed(runs[request.node.nodeid].result())
-
-
-@pytest.mark.skipif(not PYTHON_45.exists(), reason="Blender 4.5 is not set up; run scripts/setup.sh --all")
-@pytest.mark.parametrize("check", CHECKS_45, ids=[c.stem for c in CHECKS_45])
-def test_inside_blender_45(check, runs, request):
-    assert_passed(runs[request.node.nodeid].result())
+@pytest.mark.parametrize(("blender", "check"), PARAMETERS)
+def test_inside_blender(blender, check, runs, request):
+    done = runs[request.node.nodeid].result()
+    assert done.returncode == 0, f"{done.stdout[-8000:]}\n{done.stderr[-2000:]}"
 
 
 def run_inside(python, check, extension_zip, tmp_path):
     """What came of the check, as `subprocess.run` has it."""
-    environment = dict(os.environ, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
-    command = [python, "-m", "pytest", "-p", "no:cacheprovider", "-o", "python_files=check_*.py"]
-    command += [
-        "-o",
-        f"pythonpath=. tests/core/support tests/core/features tests/core/pose {HERE / 'inside'}",
-        "-rs",
-        str(check),
-    ]
+    environment = dict(ENVIRONMENT, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
+    command = [str(python), "-m", "pytest", "-p", "no:cacheprovider", "-o", "python_files=check_*.py"]
+    command += ["-o", f"pythonpath=. tests/core/support {HERE / 'inside'}", "-rs", str(check)]
     return subprocess.run(command, cwd=REPO, env=environment, capture_output=True, text=True, timeout=LIMIT_S, check=False)
 
 
-def assert_passed(done):
-    assert done.returncode == 0, f"{done.stdout[-8000:]}\n{done.stderr[-2000:]}"
-
-
 def test_there_is_something_to_check():
-    assert len(CHECKS) >= 4
+    assert len(plan.ALL) >= 4
+    assert {check.stem for check in plan.checks(plan.MAIN)} | set(plan.SINCE) == {check.stem for check in plan.ALL}

@@ -120,3 +120,30 @@ def test_templates_stand_where_an_extractor_finds_them_and_get_their_values(path
         assert "" not in wanted, f"{where}: values need names, for other languages order them otherwise"
         if text_of(template) and called(call) in LOOKUPS and all(word.arg for word in call.keywords):
             assert wanted == {word.arg for word in call.keywords}, where
+
+
+PLURAL = re.compile(r"\{\w+\} (?:(?P<things>[A-Za-z]{3,})s|were|have)\b")  # "{count} photos", "{count} were"
+NEVER_ONE = {"float", "need"}  # a number of floats is that of a splat's format; "{name} needs" is no plural
+
+
+def templates(path):
+    """(line, template) of every text that is looked up and filled in."""
+    found = [(c.lineno, text_of(c.args[0])) for c in calls(path) if called(c) in LOOKUPS | {MARK} and c.args]
+    return [(line, text) for line, text in found if text]
+
+
+def singular(words):
+    """What stands for a plural where there is one of the things."""
+    return rf"\b1 {words.removesuffix('es')}\b|\b1 {words[:-1]}\b" if words.endswith("s") else r"\b1 (was|has|could)\b"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_one_thing_is_not_told_of_in_the_plural(path):
+    """Blender's lookup knows no plural forms: where a number may be 1, the file has a template that says so."""
+    texts = templates(path)
+    for line, text in texts:
+        for match in PLURAL.finditer(text):
+            if match["things"] in NEVER_ONE:
+                continue
+            words = match[0].split(" ", 1)[1]
+            assert any(re.search(singular(words), other) for _, other in texts), f"{name(path)}:{line}: {text}"

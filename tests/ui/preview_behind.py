@@ -1,6 +1,6 @@
 """The preview shows in the viewport by itself, goes when it is switched off, and follows the style, as the window shows it.
 
-Not part of pytest; see full_job.py for how it is run. Beside this file: scene.ply, photo.jpg, cameras.json.
+See full_job.py for how it is run. Beside this file: scene.ply, photo.jpg, cameras.json.
 """
 
 # ruff: noqa: F821 - the driver provides view3d, sidebar and shot

@@ -49,7 +49,7 @@ def pnp_pose(views: Sequence[ViewMatches], focal: float, scales: FloatArray | No
     if not found:
         return None
     scale, pose = min(found, key=lambda option: _cost(option[1], option[0], points, query, focal))
-    return _polish(pose, float(scale), points, query, focal, free_focal=scales is not None)
+    return polish(pose, float(scale), points, query, focal, free_focal=scales is not None)
 
 
 def _sample(points: FloatArray, query: FloatArray, focal: float) -> Pose | None:
@@ -84,7 +84,7 @@ def _cost(pose: Pose, scale: float, points: FloatArray, query: FloatArray, focal
     return float(np.minimum(distance, CAP_PX).mean())
 
 
-def _polish(
+def polish(
     pose: Pose, scale: float, points: FloatArray, query: FloatArray, focal: float, free_focal: bool
 ) -> tuple[Pose, float]:
     """Robust least squares (Geman-McClure weights) over the pose and, if free, the logarithm of the focal length."""

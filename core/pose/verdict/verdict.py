@@ -1,4 +1,4 @@
-"""The verdict on a pose: trusted, check or failed, with its reasons in words (DESIGN 5).
+"""The verdict on a pose: trusted, check or failed, with its reasons in words (docs/design.md, section 5).
 
 The thresholds come from `benchmarks/verdict_trials.py` on two real scans: right poses agree with the final render at 40 to 95 %
 of the corners (least with 40 % of the photo covered), poses of another place, of a mirrored photo or from a hopeless start at
@@ -8,6 +8,7 @@ of the corners (least with 40 % of the photo covered), poses of another place, o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,12 +43,20 @@ SHARED_ERROR = 2.0
 LOOP_SHARED_ERROR = 5.7
 
 
-def assess(
-    solution: Solution, views: Sequence[ViewMatches], seen: FinalView, loop: Intrinsics, photo: Intrinsics, depth: float
-) -> PoseQuality:
-    """Gathers the evidence for a solution. `views`: the loop's matches, found without knowing the answer, made with the pinhole
-    `loop`; `photo`: the camera of the photo at its full size; `depth`: the median rendered depth, scene units.
+@dataclass(frozen=True)
+class Matched:
+    """The loop's matches, found without knowing the answer: of each view, made with the pinhole `camera`; and the median
+    rendered depth there, scene units.
     """
+
+    views: Sequence[ViewMatches]
+    camera: Intrinsics
+    median_depth: float
+
+
+def assess(solution: Solution, loop: Matched, seen: FinalView, photo: Intrinsics) -> PoseQuality:
+    """Gathers the evidence for a solution. `photo`: the camera of the photo at its full size."""
+    depth = loop.median_depth
     pose, matched = solution.camera.pose, solution.camera.intrinsics
     photo_px = max(photo.width, photo.height) / max(matched.width, matched.height)
     shared = LOOP_SHARED_ERROR if solution.stage == "loop" else SHARED_ERROR
@@ -60,9 +69,9 @@ def assess(
         agreement=seen.agreement,
         offset_px_of_photo=seen.offset_px_of_photo,
         similarity=seen.similarity,
-        views_used=len(views),
-        inliers=sum(len(v) for v in views),
-        coverage=_coverage(views, loop),
+        views_used=len(loop.views),
+        inliers=sum(len(v) for v in loop.views),
+        coverage=_coverage(loop.views, loop.camera),
         rms_px_of_photo=photo_px * solution.rms_px,
         disagreement_pct=100 * solution.apart_units / depth,
         disagreement_deg=solution.apart_deg,
@@ -93,7 +102,7 @@ def judge(quality: PoseQuality) -> tuple[Verdict, tuple[str, ...]]:
     few = q.corners < MIN_CORNERS
     if few and (q.corners < FEWEST_CORNERS or q.agreement < TRUSTED_AGREEMENT):
         return "failed", (words.too_few_corners(q),)
-    if q.agreement < FAILED_AGREEMENT:
+    if not q.agreement >= FAILED_AGREEMENT:
         return "failed", (words.another_place(q),)
     doubts = _doubts(q)
     return ("check", tuple(doubts)) if doubts else ("trusted", words.trusted(q))
@@ -107,7 +116,7 @@ def _doubts(q: PoseQuality) -> list[str]:
         (q.agreement < TRUSTED_AGREEMENT, words.fits_in_part),
         (q.views_used < TRUSTED_VIEWS, words.few_views),
         (q.inliers < TRUSTED_INLIERS, words.few_matches),
-        (q.coverage < TRUSTED_COVERAGE, words.uncovered),
+        (not q.coverage >= TRUSTED_COVERAGE, words.uncovered),
         (not rms_px(q) <= TRUSTED_RMS_PX, words.views_apart),
         (not apart, words.halves_apart),
         (not q.translation_std_pct <= TRUSTED_STD_PCT, words.place_uncertain),

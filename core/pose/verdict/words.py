@@ -24,48 +24,51 @@ def per_cent(value: float) -> str:
     return f"{value:.2f} %" if value < 1 else f"{value:.1f} %" if value < 10 else f"{value:.0f} %"
 
 
+def share(value: float) -> str:
+    """A share 0..1 in whole per cent; one that is not known is none."""
+    return f"{100 * value:.0f} %" if isfinite(value) else "0 %"
+
+
 def trusted(q: PoseQuality) -> tuple[str, ...]:
-    return (
-        f"The splat sits on the photo to {pixels(q.offset_px_of_photo)}.",
-        f"{q.views_used} views of the splat from around it lead to the same camera.",
-    )
+    if isfinite(q.offset_px_of_photo):
+        fits = f"The splat sits on the photo to {pixels(q.offset_px_of_photo)}."
+    else:
+        fits = f"Of the photo's corners {share(q.agreement)} sit where the splat shows them."
+    return fits, f"{q.views_used} views of the splat from around it lead to the same camera."
 
 
 def too_few_corners(q: PoseQuality) -> str:
-    return f"{_few_corners(q)}, too few to judge the camera: use a photo with more of the scan in it, or {CLOSER}"
+    return f"{_few_corners(q)}; use a photo that shows more of the scan; {CLOSER}"
 
 
 def few_corners(q: PoseQuality) -> str:
-    return f"{_few_corners(q)}, too few to judge the camera; compare photo and splat by eye."
+    return f"{_few_corners(q)}; compare photo and splat by eye."
 
 
 def _few_corners(q: PoseQuality) -> str:
-    if q.corners == 0:
-        return "None of the photo's corners lies on the splat"
-    return f"Only {q.corners} of the photo's corners lie{'s' * (q.corners == 1)} on the splat"
+    return f"The splat covers too few corners of the photo to judge the camera ({q.corners})"
 
 
 def another_place(q: PoseQuality) -> str:
     return (
-        f"Only {100 * q.agreement:.0f} % of the photo's corners sit where the splat shows them; the photo may show another "
-        f"place, or the start was too far off: {CLOSER}"
+        f"Only {share(q.agreement)} of the photo's corners sit where the splat shows them; the photo may show another "
+        f"place, or the start was too far off; {CLOSER}"
     )
 
 
 def fits_in_part(q: PoseQuality) -> str:
-    return f"Only {100 * q.agreement:.0f} % of the photo's corners sit where the splat shows them; compare the two by eye."
+    return f"Only {share(q.agreement)} of the photo's corners sit where the splat shows them; compare the two by eye."
 
 
 def start_kept(start: PoseQuality, refined: PoseQuality) -> str:
     return (
-        f"The start camera fits the photo better ({100 * start.agreement:.0f} % of its corners against "
-        f"{100 * refined.agreement:.0f} %) and was kept."
+        f"The start camera fits the photo better ({share(start.agreement)} of its corners against "
+        f"{share(refined.agreement)}) and was kept."
     )
 
 
 def few_views(q: PoseQuality) -> str:
-    views = "view matches" if q.views_used == 1 else "views match"
-    return f"Only {q.views_used} rendered {views} the photo; {CLOSER}"
+    return f"Only {q.views_used} of the rendered views could be matched with the photo; {CLOSER}"
 
 
 def few_matches(q: PoseQuality) -> str:
@@ -73,7 +76,7 @@ def few_matches(q: PoseQuality) -> str:
 
 
 def uncovered(q: PoseQuality) -> str:
-    return f"The matches cover {100 * q.coverage:.0f} % of the photo; the camera may be tilted where there are none."
+    return f"The matches cover {share(q.coverage)} of the photo; the camera may be tilted where there are none."
 
 
 def views_apart(q: PoseQuality) -> str:
@@ -104,10 +107,8 @@ def focal_uncertain(q: PoseQuality) -> str:
 
 
 def other_lens(q: PoseQuality) -> str:
-    return (
-        f"With another focal length and distortion the matches fit {q.lens_gain_pct:.0f} % better; "
-        "check the lens, or have it solved for in full."
-    )
+    better = f"{q.lens_gain_pct:.0f} % better" if isfinite(q.lens_gain_pct) else "much better"
+    return f"With another focal length and distortion the matches fit {better}; check the lens, or have it solved for in full."
 
 
 def details(q: PoseQuality) -> tuple[str, ...]:
@@ -115,7 +116,7 @@ def details(q: PoseQuality) -> tuple[str, ...]:
     said = [_agreement(q)]
     if q.inliers and isfinite(q.rms_px_of_photo):
         said.append(
-            f"{q.inliers} matches in {q.views_used} views, over {100 * q.coverage:.0f} % of the photo, have an epipolar RMS of "
+            f"{q.inliers} matches in {q.views_used} views, over {share(q.coverage)} of the photo, have an epipolar RMS of "
             f"{q.rms_px_of_photo:.2f} px of the photo."
         )
     if isfinite(q.disagreement_pct) and isfinite(q.disagreement_deg):
@@ -137,4 +138,4 @@ def details(q: PoseQuality) -> tuple[str, ...]:
 def _agreement(q: PoseQuality) -> str:
     whose = {"refined": "the refined camera", "start": "the start camera", "rejected": "the camera that was found"}[q.of]
     offset = f", with a median offset of {q.offset_px_of_photo:.2f} px of the photo" if isfinite(q.offset_px_of_photo) else ""
-    return f"{100 * q.agreement:.0f} % of {q.corners} corners of the photo sit on the render through {whose}{offset}."
+    return f"{share(q.agreement)} of {q.corners} corners of the photo sit on the render through {whose}{offset}."

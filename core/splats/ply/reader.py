@@ -41,7 +41,11 @@ def write_ply(path: str | Path, scene: GaussianScene, precision: Precision = "fl
     Opacities of exactly 0 or 1 and scales of 0 are moved to the nearest value with a finite logit or logarithm.
     Raises SplatFormatError when the scene's axes can't be turned to the layout's.
     """
-    scene = turned(scene, ORIENTATION)
+    write_ply_axes_kept(path, turned(scene, ORIENTATION), precision)
+
+
+def write_ply_axes_kept(path: str | Path, scene: GaussianScene, precision: Precision = "float") -> None:
+    """As `write_ply`, whichever way the scene's axes point; the layout has no place to tell readers."""
     write_rows(path, len(scene), property_names(scene), lambda at: raw_rows(scene, at), precision)
 
 

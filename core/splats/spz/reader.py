@@ -48,35 +48,38 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     """
     header = read_spz_header(Path(path))
     position, one, colour, scale, rotation, rest = header.widths
-    coefficients = SH_COEFFICIENTS[min(header.degree, MAX_DEGREE)]
-    done = _Progress(progress, header.count * sum(header.widths))
+    n, coefficients = header.count, SH_COEFFICIENTS[min(header.degree, MAX_DEGREE)]
+    done = _Progress(progress, n * sum(header.widths))
     with open_payload(Path(path), header) as payload:
-        means = _decode(payload, position, _Growing((3,)), _positions(header), done)
-        opacities = _decode(payload, one, _Growing((1,)), _share, done)
-        colours = _decode(payload, colour, _Growing((3,)), _colour, done)
-        scales = _decode(payload, scale, _Growing((3,)), lambda raw: SCALES[raw], done)
+        means = _decode(payload, position, _Growing((3,), n), _positions(header), done)
+        opacities = _decode(payload, one, _Growing((1,), n), _share, done)
+        colours = _decode(payload, colour, _Growing((3,), n), _colour, done)
+        scales = _decode(payload, scale, _Growing((3,), n), lambda raw: SCALES[raw], done)
         turn = _smallest_three if header.version >= 3 else _first_three
-        rotations = _decode(payload, rotation, _Growing((4,)), turn, done)
-        sh = _decode(payload, rest, _Growing((coefficients, 3)), lambda raw: _sh(raw, coefficients), done)
+        rotations = _decode(payload, rotation, _Growing((4,), n), turn, done)
+        sh = _decode(payload, rest, _Growing((coefficients, 3), n), lambda raw: _sh(raw, coefficients), done)
         payload.check_end()
     if len(sh) == 0:  # degree 0: there are no bytes for it
-        sh = np.empty((header.count, 1, 3), np.float32)
+        sh = np.empty((n, 1, 3), np.float32)
     sh[:, 0] = colours
     name = f"spz version {header.version}"
     return GaussianScene.checked(means, scales, rotations, opacities[:, 0], sh, name, header.orientation)
 
 
 class _Growing:
-    """Rows of `shape` float32 that come block by block; their memory grows with them, and never with what a header claims."""
+    """At most `most` rows of `shape` float32 that come block by block; their memory grows with them, and never with what a
+    header claims.
+    """
 
-    def __init__(self, shape: tuple[int, ...]) -> None:
+    def __init__(self, shape: tuple[int, ...], most: int) -> None:
+        self._most = most
         self._rows = np.empty((0, *shape), np.float32)
         self._count = 0
 
     def add(self, rows: Float32Array) -> None:
         end = self._count + len(rows)
         if end > len(self._rows):
-            self._resize(max(end, int(GROWTH * len(self._rows))))
+            self._resize(max(end, min(self._most, int(GROWTH * len(self._rows)))))
         self._rows[self._count : end] = rows
         self._count = end
 

@@ -92,7 +92,16 @@ def test_batch_saves_a_camera_for_each_photo(bpy, main, files):
 
 
 def test_render_saves_its_cameras(bpy, main, files):
-    code = main(["render", str(files / "scan.ply"), str(files / "cameras.json"), str(files), "--blend", str(files / "o.blend")])
+    code = main(
+        [
+            "render",
+            str(files / "scan.ply"),
+            str(files / "cameras.json"),
+            str(files / "drawn"),
+            "--blend",
+            str(files / "o.blend"),
+        ]
+    )
     assert code == 0
     bpy.ops.wm.open_mainfile(filepath=str(files / "o.blend"))
     assert [c.name for c in cameras(bpy)] == ["a", "b"]
@@ -100,7 +109,7 @@ def test_render_saves_its_cameras(bpy, main, files):
 
 def test_without_blend_the_open_scene_stays(bpy, main, files):
     bpy.data.objects.new("mine", None)
-    assert main(["render", str(files / "scan.ply"), str(files / "cameras.json"), str(files)]) == 0
+    assert main(["render", str(files / "scan.ply"), str(files / "cameras.json"), str(files / "drawn")]) == 0
     assert "mine" in bpy.data.objects
     assert not bpy.data.pointclouds
 

@@ -1,11 +1,13 @@
 """Many photos: a folder becomes cameras, the queue refines them, what fails stays where it was and says why."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 import rooms
-from panels_drawn import Layout
+from panels_drawn import Layout, drawn
 from samples import counts, write_photo
 
 from core.geometry.camera import pose_error
@@ -155,8 +157,8 @@ def rows(bpy, extension):
         said.append([*filter(None, layout.said)])
     below, seen = Layout(), SimpleNamespace(scene=bpy.context.scene, region=SimpleNamespace(width=2000))
     seen.preferences = SimpleNamespace(system=SimpleNamespace(ui_scale=1))
-    panel._draw_error(below, seen)
-    return said, " ".join(below.said)
+    panel._draw_said(below, seen)
+    return said, " ".join(below.said).strip()
 
 
 def test_what_is_wrong_stands_below_the_list_in_full(bpy, listed, extension):
@@ -175,11 +177,145 @@ def test_what_is_wrong_stands_below_the_list_in_full(bpy, listed, extension):
 
 def test_progress_names_the_photo_as_it_is(bpy, listed, extension):
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
-    job, layout = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings), Layout()
+    job, jobs = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings), extension("gssmc_addon.refine.job")
     job.index = 1
     job.begin_item(1)
-    extension("gssmc_addon.refine.panel")._draw_progress(layout, job)
-    assert layout.said == ["p1", "Photo 2 of 3", "gssmc.cancel"]
+    jobs.begin(bpy.context, job)
+    try:
+        said = drawn(bpy, extension)
+    finally:
+        job.cancel()
+        jobs.end(job)
+    assert [text for text in said if text in ("p1", "Photo 2 of 3", "gssmc.cancel")] == ["p1", "gssmc.cancel", "Photo 2 of 3"]
+
+
+class Buttons(Layout):
+    """`pressed`: what the buttons of Refine All would do, in order, and whether they can be pressed."""
+
+    def __init__(self):
+        super().__init__()
+        self.buttons, self.enabled = [], True
+
+    def operator(self, name, text="", **_):
+        button = SimpleNamespace(text=text, enabled=self.enabled)
+        if name == "gssmc.refine_all":
+            self.buttons.append(button)
+        return button
+
+
+def test_the_first_button_takes_the_photos_that_are_not_trusted(bpy, listed, extension):
+    def first():
+        layout = Buttons()
+        seen = SimpleNamespace(
+            scene=listed, region=SimpleNamespace(width=300), preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1))
+        )
+        extension("gssmc_addon.photo.panel").GSSMC_PT_photos.draw(SimpleNamespace(layout=layout), seen)
+        return layout.buttons[0]
+
+    assert (first().which, first().text) == ("OPEN", "Refine Open (3)")
+    listed.gssmc.photos[0].camera.data.gssmc.verdict = "TRUSTED"
+    assert first().text == "Refine Open (2)"
+    before = matrices(listed)
+    assert bpy.ops.gssmc.refine_all(which=first().which, **rooms.QUICK) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert [name for name, now in matrices(listed).items() if now != before[name]] == ["p1", "p2"]
+    for entry in listed.gssmc.photos:
+        entry.camera.data.gssmc.verdict = "TRUSTED"
+    assert not first().enabled
+
+
+def turn_away(camera):
+    """The camera looks to the other side: no start that a refinement could come home from."""
+    from mathutils import Matrix  # there once bpy is
+
+    camera.matrix_world = camera.matrix_world @ Matrix.Rotation(np.pi, 4, "Y")
+
+
+def error(extension, scene, camera, truth):
+    read = extension("gssmc_addon.camera.bridge").read_camera
+    return pose_error(read(scene, camera, scene.gssmc.splat).at_size(rooms.WIDTH, rooms.HEIGHT).pose, truth.pose)
+
+
+def test_a_failed_photo_is_found_from_a_solved_ones_camera(bpy, listed, place, extension):
+    own = listed.gssmc
+    turn_away(own.photos[0].camera)
+    bpy.context.view_layer.update()
+    start = error(extension, listed, own.photos[0].camera, place[1][0])
+    assert bpy.ops.gssmc.refine_all(again=False, which="TICKED", **rooms.QUICK) == {"FINISHED"}
+    assert own.photos[0].camera.data.gssmc.verdict == "FAILED"
+    assert error(extension, listed, own.photos[0].camera, place[1][0]) == pytest.approx(start)
+    assert bpy.ops.gssmc.refine_all(which="OPEN", **rooms.QUICK) == {"FINISHED"}  # the other two are trusted already
+    assert own.photos[0].camera.data.gssmc.verdict == "TRUSTED"
+    distance, degrees = error(extension, listed, own.photos[0].camera, place[1][0])
+    assert distance < 0.02
+    assert degrees < 0.3
+    assert own.photos[0].note in ('Found from the camera of "p1".', 'Found from the camera of "p2".')
+    assert own.photos[0].note in rows(bpy, extension)[1]
+    assert "1 photo was found" in bpy.context.window_manager.gssmc.message
+
+
+def test_a_photo_of_another_place_is_tried_a_few_times_and_says_so(bpy, listed, extension):
+    own = listed.gssmc
+    noise = np.random.default_rng(0).integers(0, 256, (rooms.HEIGHT, rooms.WIDTH, 3), np.uint8)
+    photo = bpy.path.abspath(own.photos[0].camera.data.gssmc.photo.filepath)
+    other = str(Path(photo).parents[1] / "noise.png")
+    cv2.imwrite(other, noise)
+    own.photos[0].camera.data.gssmc.photo.filepath = other
+    before = matrices(listed)["p0"]
+    settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
+    job = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings)
+    seen = watched(job)
+    assert job.verdicts == {"trusted": 2, "failed": 1}
+    assert matrices(listed)["p0"] == before
+    assert own.photos[0].note == "Tried again from the cameras of 2 solved photos, without success."
+    assert {detail.split(":")[0] for _, detail in seen if "Again" in detail} == {"Again, 1 of 1"}
+    assert {detail[-4:] for _, detail in seen if "Again" in detail} == {'"p1"', '"p2"'}
+    second = [fraction for fraction, detail in seen if "Again" in detail]
+    assert second == sorted(second)
+    assert 0 <= second[0] < 0.5 < second[-1] <= 1
+
+
+def watched(job):
+    """Runs the job as the window's timer does; (fraction, detail) after every tick."""
+    job.start()
+    seen = []
+    while job.tick() is None:
+        seen.append((job.fraction, job.detail))
+        job.join(0.1)
+    job.close()
+    return seen
+
+
+def test_the_second_pass_can_be_stopped(bpy, listed, extension):
+    own = listed.gssmc
+    turn_away(own.photos[2].camera)
+    bpy.context.view_layer.update()
+    before = matrices(listed)["p2"]
+    job = extension("gssmc_addon.photo.queue").queue(
+        listed, "ALL", extension("core.pose.settings").RefineSettings(**rooms.QUICK)
+    )
+    job.start()
+    while "Again" not in job.detail:
+        assert job.tick() is None
+        job.join(0.1)
+    job.cancel()
+    assert job.join(30)
+    job.close()
+    bpy.context.view_layer.update()
+    assert "3 of 3 photos: 2 trusted, 1 failed" in job.summary()
+    assert matrices(listed)["p2"] == before
+
+
+def test_starts_are_near_first_and_then_from_all_around(extension):
+    neighbours, camera = extension("gssmc_addon.photo.neighbours"), extension("core.geometry.camera")
+
+    def at(x):
+        return camera.Pose.from_centre(np.eye(3), np.array([x, 0.0, 0.0]))
+
+    solved = [neighbours.Neighbour(str(x), at(x)) for x in range(10)]
+    assert [n.name for n in neighbours.choose(at(3.2), solved)] == ["3", "4", "9", "0"]
+    assert [n.name for n in neighbours.choose(at(3.2), solved[:1])] == ["0"]
+    assert neighbours.choose(at(3.2), []) == []
 
 
 def test_a_stopped_queue_keeps_what_is_done(bpy, listed, extension):

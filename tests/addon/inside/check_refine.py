@@ -266,6 +266,17 @@ def test_a_copy_in_steps_is_the_copy_at_once(scene, extension, copying):
     assert got.assemble().dropped == 1
 
 
+def test_a_copy_is_checked_as_a_file_is(scene, extension):
+    """Editing tools leave quaternions of any length and scales below zero; neither may reach the renderer."""
+    attributes = scene.gssmc.splat.data.attributes
+    attributes["rotation"].data[4].value = (0, 3, 0, 0)
+    attributes["scale"].data[6].vector = (0.1, -0.1, 0.1)
+    got = extension("gssmc_addon.splat.copy").read_splat(scene.gssmc.splat)
+    assert (got.dropped, got.normalised) == (1, 1)
+    np.testing.assert_allclose(np.linalg.norm(got.rotations, axis=1), 1, atol=1e-4)
+    np.testing.assert_allclose(got.rotations[4], (0, 1, 0, 0), atol=1e-6)
+
+
 def paint_a_point(bpy, splat):
     """What is copied first, and what is compared last."""
     for name in ("position", "radiance:sh_2"):

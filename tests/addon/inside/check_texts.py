@@ -7,11 +7,12 @@ tests/ui/languages.py does the same with a real dictionary in a real window.
 from types import SimpleNamespace
 
 import pytest
-from panels_drawn import Layout
+from panels_drawn import drawn
 from samples import write_photo
 
 GERMAN = {
     "No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel.": "Kein Splat.",
+    'The camera "{name}" is {kind}; set its type to Perspective.': "Nur Perspektive.",
     '"{photo}" ({x} x {y}) is set behind "{camera}".': 'Hinter "{camera}" steht "{photo}", {x} mal {y}.',
     "{verdict}: {count} iterations, {seconds:.1f} s": "{seconds:.0f} s, {count} Runden: {verdict}",
     "Check": "Prüfen",
@@ -29,20 +30,6 @@ def german(bpy, extension, monkeypatch):
     monkeypatch.setattr(extension("gssmc_addon.support.texts"), "translations", SimpleNamespace(**asked))
 
 
-def drawn(bpy, extension):
-    """What the main panel says in a wide sidebar."""
-    layout, context = Layout(), bpy.context
-    seen = SimpleNamespace(
-        scene=context.scene,
-        window_manager=context.window_manager,
-        space_data=SimpleNamespace(lock_camera=False),
-        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
-        region=SimpleNamespace(width=2000),
-    )
-    extension("gssmc_addon.refine.panel").GSSMC_PT_main.draw(SimpleNamespace(layout=layout), seen)
-    return layout.said
-
-
 def test_blender_has_the_lookups(bpy):
     """In every version that the extension is for."""
     from bpy.app import translations
@@ -52,10 +39,14 @@ def test_blender_has_the_lookups(bpy):
 
 def test_a_report_and_the_panels_line_are_translated(bpy, extension, scene, german):
     scene.gssmc.splat = None
-    with pytest.raises(RuntimeError, match=r"Kein Splat\."):
+    with pytest.raises(RuntimeError, match=r"Kein Splat\."):  # why the button is grey
         bpy.ops.gssmc.refine()
-    assert bpy.context.window_manager.gssmc.message == "Kein Splat."
-    assert "Kein Splat." in drawn(bpy, extension)
+    scene.gssmc.splat = next(obj for obj in scene.objects if obj.type == "POINTCLOUD")
+    scene.camera.data.type = "ORTHO"
+    with pytest.raises(RuntimeError, match=r"Nur Perspektive\."):
+        bpy.ops.gssmc.refine()
+    assert bpy.context.window_manager.gssmc.message == "Nur Perspektive."
+    assert "Nur Perspektive." in drawn(bpy, extension)
 
 
 def test_values_stand_where_the_language_wants_them(bpy, extension, scene, german, tmp_path, capfd):

@@ -26,6 +26,13 @@ class Layout:
         assert hasattr(owner, name)
         self.said.append(name)
 
+    def prop_enum(self, owner, name, value, **_):
+        assert value in owner.bl_rna.properties[name].enum_items
+        self.said.append(value)
+
+    def template_list(self, *_, **__):
+        pass
+
     def separator(self):
         pass
 
@@ -33,3 +40,17 @@ class Layout:
         return self
 
     row = box = column
+
+
+def drawn(bpy, extension, width=2000):
+    """What the main panel says in a sidebar of this width, wide by default."""
+    layout, context = Layout(), bpy.context
+    seen = SimpleNamespace(
+        scene=context.scene,
+        window_manager=context.window_manager,
+        space_data=SimpleNamespace(lock_camera=False),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
+        region=SimpleNamespace(width=width),
+    )
+    extension("gssmc_addon.refine.panel").GSSMC_PT_main.draw(SimpleNamespace(layout=layout), seen)
+    return layout.said

@@ -12,6 +12,8 @@ import pytest
 from core.batch.keys import job_key
 from core.batch.store import ResultsError, ResultStore
 
+pytestmark = pytest.mark.unit
+
 KEYS = [job_key("photo", i) for i in range(4)]
 
 

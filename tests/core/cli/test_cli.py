@@ -116,7 +116,7 @@ def test_refine_writes_the_documented_result(place, tmp_path, capsys):
     last = result["iterations"][-1]
     assert last["views_used"] >= 2
     assert last["matches"] >= last["inliers"] > 20
-    assert 0 < last["epipolar_rms_px"] < 3
+    assert 0 < last["rms_px_of_photo"] < 3
     assert np.shape(last["R"]) == (3, 3)
     found = camera_from_dict(result)
     before = pose_error(place.starts[0].pose, place.truths[0].pose)

@@ -189,6 +189,7 @@ FIGURES = {
 }
 
 
+@pytest.mark.scan
 @pytest.mark.skipif(not PUBLISHED.exists(), reason="the published pose files (shared/eval) are not here")
 @pytest.mark.parametrize(("scene", "method"), FIGURES)
 def test_published_figures_to_the_printed_digit(scene, method, capsys):
@@ -201,6 +202,7 @@ def test_published_figures_to_the_printed_digit(scene, method, capsys):
     assert (cells["n"], cells["missing"]) == ("2000" if scene == "chess" else "1000", "0")
 
 
+@pytest.mark.scan
 @pytest.mark.skipif(not PUBLISHED.exists(), reason="the published pose files (shared/eval) are not here")
 def test_published_files_are_spelled_as_they_are(tmp_path, capsys):
     """The same poses under the other spelling, without extensions and with dashes, give the same figures."""

@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from feature_samples import picture
 
 from core.errors import FeatureError
 from core.features.matchers.nearest import MutualNearest
@@ -12,16 +13,6 @@ from core.features.registry import EXTRACTORS
 from core.features.types import Features
 
 CLASSIC = sorted(name for name, kind in EXTRACTORS.items() if not kind.needs_model)
-
-
-def picture(width=640, height=480, seed=0):
-    """Smooth noise on several scales, float, around 0."""
-    rng = np.random.default_rng(seed)
-    image = np.zeros((height, width), np.float32)
-    for cell in (8, 16, 32, 64):
-        coarse = rng.normal(size=(height // cell + 1, width // cell + 1)).astype(np.float32)
-        image += cell**0.3 * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
-    return image
 
 
 def grey(image):

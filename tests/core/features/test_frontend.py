@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from boxroom import BoxRoom
+from boxroom import DEPTH, LENS, TRUTH, BoxRoom
+from boxroom import start_off as _start
+from feature_samples import rows
 from onnx_files import image_net
-from test_net_features import rows
-from test_net_process import children  # noqa: F401 - a fixture
-from test_refine import DEPTH, LENS, TRUTH, _start
 
 import core.pose.refine as refine_module
 from core.errors import FeatureError
@@ -21,6 +20,8 @@ from core.features.types import no_features
 from core.geometry.camera import Camera, pose_error
 from core.pose.refine import iterate_refinement, refine
 from core.pose.settings import RefineSettings
+
+pytestmark = pytest.mark.loop
 
 
 @pytest.fixture
@@ -90,7 +91,7 @@ def test_learned_features_have_looks_to_fall_back_on(model):
         assert wide.stronger(0, 7) is None
 
 
-def test_auto_is_sift_and_then_aliked_where_there_is_a_model(model, children):  # noqa: F811
+def test_auto_is_sift_and_then_aliked_where_there_is_a_model(model, children):
     with make_frontend(RefineSettings(features="auto")) as frontend:
         assert isinstance(frontend.extractor, RootSift)
         assert frontend.stronger(0, 7) is None
@@ -183,7 +184,7 @@ def test_a_photo_with_too_few_features_is_shown_to_the_stronger_ones(room, photo
 
 
 @pytest.mark.parametrize("steps", [0, 1, 3])
-def test_the_process_ends_however_the_refinement_does(room, photo, model, children, monkeypatch, steps):  # noqa: F811
+def test_the_process_ends_however_the_refinement_does(room, photo, model, children, monkeypatch, steps):
     """Cancelled after `steps` views, with a network that finds two features in everything."""
     work = iterate_refinement(room, photo, Camera(LENS, _start(0.05, 4.0)), RefineSettings(features="aliked", model=model))
     if steps == 0:
@@ -198,7 +199,7 @@ def test_the_process_ends_however_the_refinement_does(room, photo, model, childr
         work.close()
 
 
-def test_a_broken_model_stops_the_refinement_with_its_sentence(room, photo, tmp_path, children):  # noqa: F811
+def test_a_broken_model_stops_the_refinement_with_its_sentence(room, photo, tmp_path, children):
     (tmp_path / "text.onnx").write_text("no network")
     with pytest.raises(FeatureError, match=r"'text.onnx' does not work"):
         refine(room, photo, Camera(LENS, TRUTH), RefineSettings(features="aliked", model=str(tmp_path / "text.onnx")))

@@ -238,6 +238,7 @@ def test_files_are_recognised_by_what_is_in_them(tmp_path, monkeypatch):
     assert find_model(tmp_path, "disk") is None
 
 
+@pytest.mark.scan
 @pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared/models")
 @pytest.mark.parametrize("model", KNOWN, ids=lambda m: m.name)
 def test_the_real_files_are_recognised(model):

@@ -5,8 +5,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from onnx_files import FLOAT, INT64, image_net, node, write_onnx
-from test_features import picture
+from feature_samples import GREY, glue, pair, picture, rows, unit
+from onnx_files import image_net
 
 from core.errors import FeatureError
 from core.features.extractors.aliked import Aliked
@@ -17,15 +17,6 @@ from core.features.matchers.nearest import MutualNearest
 from core.features.types import Features
 
 MODELS = Path(__file__).resolve().parents[4] / "shared" / "models"
-GREY = np.random.default_rng(0).integers(0, 255, (50, 90), np.uint8)  # no side is a multiple of 8
-
-
-def rows(count, columns=16, seed=1):
-    return np.random.default_rng(seed).normal(size=(count, columns)).astype(np.float32)
-
-
-def unit(array):
-    return array / np.linalg.norm(array, axis=-1, keepdims=True)
 
 
 def shared_model(name):
@@ -78,22 +69,6 @@ def test_superpoint_with_other_outputs_is_refused(tmp_path):
         SuperPoint(model).extract(GREY)
 
 
-def glue(path, matches, scores):
-    names = {"kpts0": 2, "kpts1": 2, "desc0": 16, "desc1": 16}
-    return write_onnx(
-        path,
-        [node("Identity", ["m"], ["matches0"]), node("Identity", ["s"], ["mscores0"])],
-        {"m": matches, "s": scores},
-        {name: (FLOAT, (1, f"n_{name}", columns)) for name, columns in names.items()},
-        {"matches0": (INT64, matches.shape), "mscores0": (FLOAT, scores.shape)},
-    )
-
-
-def pair(count_a=5, count_b=6):
-    rng = np.random.default_rng(2)
-    return tuple(Features(rng.uniform(0, 90, (n, 2)), unit(rows(n, seed=n)), (90, 50)) for n in (count_a, count_b))
-
-
 def test_lightglue_reads_both_exports(tmp_path):
     a, b = pair()
     pairs = np.array([[0, 3], [1, 5], [4, 0], [2, 9]])  # the last is outside, the second too weak
@@ -132,6 +107,8 @@ def test_lightglue_is_fed_places_about_the_middle_in_halves_of_the_long_side(tmp
 # ---- real networks, where they are
 
 
+@pytest.mark.loop
+@pytest.mark.scan
 @pytest.mark.parametrize("name", ["aliked-t16-top2048.onnx", "aliked-n16rot-top2048.onnx"])
 def test_real_aliked_finds_the_same_places_in_a_moved_picture(name):
     """The picture is moved by a whole number of pixels, so every place moves by exactly that."""
@@ -147,6 +124,8 @@ def test_real_aliked_finds_the_same_places_in_a_moved_picture(name):
     np.testing.assert_allclose(np.median(offset[right], axis=0), [21, 13], atol=0.1)
 
 
+@pytest.mark.loop
+@pytest.mark.scan
 def test_real_aliked_sees_a_picture_turned_upside_down_at_the_mirrored_places():
     """A shift of the places shows twice here. cv2.ALIKED's own grows from left to right, to 2 where the network's is 0.3."""
     model = shared_model("aliked-t16-top2048.onnx")
@@ -164,6 +143,8 @@ def test_real_aliked_sees_a_picture_turned_upside_down_at_the_mirrored_places():
     assert np.ptp(shifts, axis=0).max() < 0.25
 
 
+@pytest.mark.loop
+@pytest.mark.scan
 def test_the_papers_pair_with_random_weights_runs():
     superpoint, lightglue = (shared_model(f"randomweights_{n}_test.onnx") for n in ("superpoint", "lightglue_unfused"))
     rng = np.random.default_rng(6)

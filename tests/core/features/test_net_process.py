@@ -1,6 +1,5 @@
 """The process of the networks: right answers through it, and one clear sentence for every way in which a model can go wrong."""
 
-import gc
 import io
 import os
 import subprocess
@@ -12,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from feature_samples import GREY, glue, pair, rows
 from onnx_files import FLOAT, INT64, image_net, node, write_onnx
-from test_net_features import GREY, glue, pair, rows
+from process_ends import alive, wait_for
 
 from core.errors import FeatureError
 from core.features.extractors.aliked import Aliked
@@ -25,37 +25,7 @@ from core.features.types import Features
 from core.processes.child import Child
 from core.processes.wire import WireError, receive, send
 
-
-def alive(pid):
-    try:
-        os.kill(pid, 0)
-    except OSError:
-        return False
-    state = Path(f"/proc/{pid}/stat")  # an orphan that ended stays in the table until somebody collects it
-    return not state.exists() or state.read_text().rpartition(")")[2].split()[0] != "Z"
-
-
-def wait_for(true, limit_s=30):
-    end = time.monotonic() + limit_s
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.02)
-
-
-@pytest.fixture
-def children(monkeypatch):
-    """The processes started during the test; all must have ended with it."""
-    started = []
-
-    class Watched(Child):
-        def __init__(self, *args):
-            super().__init__(*args)
-            started.append(self._process.pid)
-
-    monkeypatch.setattr(NetProcess.__init__, "__defaults__", (*NetProcess.__init__.__defaults__[:-1], Watched))
-    yield started
-    gc.collect()
-    assert [pid for pid in started if alive(pid)] == []
+pytestmark = pytest.mark.process
 
 
 def aliked_net(path, **more):

@@ -2,21 +2,24 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
-from boxroom import BoxRoom
+from boxroom import DEPTH, LENS, TRUTH, BoxRoom
+from boxroom import start_off as _start
 
 import core.pose.search.loop as loop_module
 from core.errors import RefineError
-from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
-from core.geometry.lie import so3_exp
+from core.geometry.camera import Camera, Pose, pose_error
 from core.photos.photo import Photo
 from core.pose.refine import iterate_refinement, refine
+from core.pose.report_json import report_to_dict
+from core.pose.search.observe import grey_of
 from core.pose.settings import RefineSettings
+from core.pose.shared.working import WorkingPhoto
+from core.pose.verdict.verify import compare
 
-LENS = Intrinsics(320, 240, 260.0, 258.0, 163.0, 118.0, (-0.08, 0.02, 0.001, -0.0005, 0.0))
-TRUTH = Pose.from_centre(so3_exp([0.05, 0.2, 0.02]), [-0.4, 0.1, -2.6])
-DEPTH = 4.5  # about the median depth from there
+pytestmark = pytest.mark.loop
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +32,6 @@ def photo(room):
     return room.photo(LENS, TRUTH)
 
 
-def _start(ratio, degrees, seed=0):
-    rng = np.random.default_rng(seed)
-    way, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-    return Pose.from_centre(so3_exp(np.radians(degrees) * axis) @ TRUTH.R, TRUTH.centre + ratio * DEPTH * way)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_near_start_comes_home(room, photo, seed):
     report = refine(room, photo, Camera(LENS, _start(0.05, 4.0, seed), "p.png"))
@@ -42,7 +39,7 @@ def test_a_near_start_comes_home(room, photo, seed):
     assert report.verdict == "trusted", report.reasons
     assert distance < 0.001 * DEPTH and degrees < 0.06
     assert report.camera.intrinsics == LENS and report.camera.file == "p.png"
-    assert report.iterations[-1].inliers > 200 and report.iterations[-1].epipolar_rms_px < 0.5
+    assert report.iterations[-1].inliers > 200 and report.iterations[-1].rms_px_of_photo < 0.5
 
 
 def test_a_far_start_comes_home_in_more_iterations(room, photo):
@@ -192,14 +189,46 @@ def test_a_worse_answer_than_the_start_is_not_handed_back(room, photo, monkeypat
 
     def spoilt(pose, views, K):
         good = fit(pose, views, K)
-        return replace(good, pose=Pose.from_centre(good.pose.R, good.pose.centre + 0.03 * DEPTH))
+        return replace(good, pose=Pose.from_centre(good.pose.R, good.pose.centre + 0.003 * DEPTH))
 
     monkeypatch.setattr(loop_module, "fine_pose", spoilt)
     start = Camera(LENS, TRUTH)
     report = refine(room, photo, start, RefineSettings(iterations=1, final="none"))
     assert report.camera is start and report.verdict in ("check", "failed")
-    if report.verdict == "check":
-        assert "kept" in report.reasons[0]
+    assert report.verdict == "check" and "kept" in report.reasons[0]
+    assert report.quality.of == "start" and report.quality.pose == start.pose
+    render = room.render(LENS.pinhole(), start.pose)
+    look = WorkingPhoto.of(photo, LENS, 640)
+    seen = compare(look, grey_of(render), render.alpha > 0.5)
+    assert (report.quality.corners, report.quality.agreement) == (seen.corners, seen.agreement), "the start's own evidence"
+    assert report.quality.inliers == 0 and np.isnan(report.quality.rms_px_of_photo), "no fit had a part in the start"
+    assert 0.8 * DEPTH < report.quality.median_depth < 1.2 * DEPTH
+
+
+def test_evidence_says_which_pose_it_is_of(room, photo):
+    good = refine(room, photo, Camera(LENS, _start(0.05, 4.0)))
+    assert good.quality.of == "refined" and good.quality.pose == good.camera.pose
+    start = Camera(LENS, _start(0.05, 4.0))
+    failed = refine(room, Photo(np.ascontiguousarray(photo.pixels[:, ::-1])), start)
+    assert failed.verdict == "failed"
+    if failed.quality is not None:
+        assert failed.quality.of == "rejected" and failed.quality.pose != start.pose
+        assert report_to_dict(failed)["quality"]["pose"]["t"] == failed.quality.pose.t.tolist()
+
+
+@pytest.mark.parametrize("final", ["joint", "none"])
+def test_pixels_are_those_of_the_photo_whatever_size_it_was_matched_at(room, final):
+    """Twice the pixels of the same picture: the errors are twice as many pixels of it."""
+    lens = LENS.resized(640, 480)
+    large = room.photo(lens, TRUTH)
+    small = Photo(np.asarray(cv2.resize(large.pixels, (320, 240), interpolation=cv2.INTER_AREA)))
+    settings = RefineSettings(final=final, long_side_px=320, final_long_side_px=320)
+    got = [refine(room, p, Camera(k, _start(0.05, 4.0)), settings) for p, k in ((small, LENS), (large, lens))]
+    (a, b), (s, t) = [r.quality for r in got], [r.iterations[-1] for r in got]
+    assert b.offset_px_of_photo == pytest.approx(2 * a.offset_px_of_photo, rel=0.1)
+    assert b.rms_px_of_photo == pytest.approx(2 * a.rms_px_of_photo, rel=0.1)
+    assert t.rms_px_of_photo == pytest.approx(2 * s.rms_px_of_photo, rel=0.1)
+    assert (a.photo_long_side_px, b.photo_long_side_px) == (320, 640)
 
 
 @pytest.mark.parametrize("final", ["joint", "epipolar", "depth", "none"])
@@ -222,7 +251,7 @@ def test_a_guessed_focal_length_is_solved_for(room, photo, wrong):
     k = report.camera.intrinsics
     assert k.fx == pytest.approx(LENS.fx, rel=5e-3) and k.fx / k.fy == pytest.approx(LENS.fx / LENS.fy)
     assert not report.camera.focal_guessed
-    assert 0 < report.quality.focal_std < 1
+    assert 0 < report.quality.focal_std_pct < 1
 
 
 def test_the_whole_lens_is_solved_for(room, photo):
@@ -252,7 +281,7 @@ def test_and_is_told_where_it_may_not_be_solved_for(room, photo, lens):
     report = refine(room, photo, Camera(LENS.pinhole(), _start(0.05, 4.0)), RefineSettings(lens=lens))
     assert report.verdict == "check" and report.lens == lens
     assert any("distortion" in reason for reason in report.reasons)
-    assert report.quality.lens_gain > 15
+    assert report.quality.lens_gain_pct > 15
 
 
 def test_a_wrong_focal_length_held_fixed_is_not_trusted(room, photo):

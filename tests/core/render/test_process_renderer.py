@@ -27,6 +27,8 @@ from core.render import ProcessRenderer, RenderedView, Renderer, RenderSettings
 from core.render import processes as process_renderer
 from core.splats.scene import GaussianScene
 
+pytestmark = pytest.mark.process
+
 CAMERA = Intrinsics(61, 43, 50.0, 55.0, 28.0, 24.0)
 SETTINGS = RenderSettings(threads=3)
 LIMIT_S = 60.0

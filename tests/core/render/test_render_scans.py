@@ -12,6 +12,8 @@ from core.geometry.camera import Intrinsics, Pose
 from core.render import Renderer
 from core.splats import read_splats
 
+pytestmark = [pytest.mark.loop, pytest.mark.scan]
+
 SCENES = Path(__file__).parents[3].parent / "shared" / "scenes"
 
 

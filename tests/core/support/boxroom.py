@@ -10,12 +10,18 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from core.geometry.camera import Intrinsics, Pose
+from core.geometry.lie import so3_exp
 from core.photos.photo import Photo
 from core.render.view import RenderedView
 
 HALF = np.array([3.0, 2.0, 4.0])
 PILLARS = [((-1.2, -2.0, 1.0), (-0.6, 2.0, 1.6)), ((1.0, 0.3, 1.8), (2.2, 2.0, 2.6)), ((-0.2, 1.0, 0.4), (0.5, 2.0, 1.0))]
 TEXELS_PER_UNIT = 120
+
+# A camera in the room, with a lens that bends, and what it looks at.
+LENS = Intrinsics(320, 240, 260.0, 258.0, 163.0, 118.0, (-0.08, 0.02, 0.001, -0.0005, 0.0))
+TRUTH = Pose.from_centre(so3_exp([0.05, 0.2, 0.02]), [-0.4, 0.1, -2.6])
+DEPTH = 4.5  # about the median depth from there
 
 
 def _picture(rng, size=1024):
@@ -79,3 +85,10 @@ class BoxRoom:
                 picture = self.pictures[k][side][:, :, channel]
                 color[on, channel] = map_coordinates(picture, [t, s], order=1, mode="grid-wrap")
         return color, best
+
+
+def start_off(ratio, degrees, seed=0):
+    """A pose `ratio` of the depth and `degrees` away from TRUTH, in directions that `seed` draws."""
+    rng = np.random.default_rng(seed)
+    way, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    return Pose.from_centre(so3_exp(np.radians(degrees) * axis) @ TRUTH.R, TRUTH.centre + ratio * DEPTH * way)

@@ -15,6 +15,8 @@ from core.render import Renderer, RenderSettings
 from core.splats import read_splats
 from core.synthetic import make_photo, make_scene, perturb_camera, sample_cameras, write_sample
 
+pytestmark = pytest.mark.loop
+
 
 @pytest.fixture(scope="module")
 def scene():

@@ -1,0 +1,64 @@
+"""File > Export > Gaussian Splats: our splat objects and Blender's own, in the layout of INRIA's trainer."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import EnumProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper
+
+from ..gssmc_addon.splat import export as splat_export
+from ..gssmc_addon.support.operator_parts import PlainOperator
+from ..gssmc_addon.support.texts import rpt_
+
+COORDINATES = (
+    ("OBJECT", "Object", "The splat's own coordinates, those of the file it came from: poses found in that file still fit"),
+    (
+        "SCENE",
+        "Scene, Z Up",
+        "As it stands in the scene: the object's rotation, scale and place are applied; z is up",
+    ),
+    ("SCENE_Y_DOWN", "Scene, Y Down", "As it stands in the scene, turned so that y is down, as most splat programs expect"),
+)
+
+
+class GSSMC_OT_export_splats(PlainOperator, bpy.types.Operator, ExportHelper):
+    """Export the active splat, or else the picked one, as Gaussian splats"""
+
+    bl_idname = "gssmc.export_splats"
+    bl_label = "Export Gaussian Splats"
+    bl_options = {"PRESET"}
+
+    filename_ext = ".ply"
+    filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
+    coordinates: EnumProperty(
+        name="Coordinates",
+        items=COORDINATES,
+        default="OBJECT",
+        description="Whether the object's rotation and scale are applied to what is written; the object itself stays as it is",
+    )
+
+    @classmethod
+    def poll(cls, context):
+        if splat_export.splat_of(context) is None:
+            cls.poll_message_set("No splat is active or picked; import one first")
+            return False
+        return True
+
+    def run(self, context):
+        context.view_layer.update()
+        path = Path(bpy.path.abspath(self.filepath))
+        written = splat_export.write(path, splat_export.splat_of(context), self.coordinates)
+        scene = written.scene
+        words = [
+            rpt_("{count:,} Gaussians, SH degree {degree}: '{path}'.", count=len(scene), degree=scene.sh_degree, path=path)
+        ]
+        if scene.dropped == 1:
+            words.append(rpt_("1 Gaussian with values that are not finite was left out."))
+        elif scene.dropped:
+            words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
+        if written.sh_left_out:
+            words.append(rpt_("SH above degree 3 were left out, for the layout has no place for them."))
+        return self.done(context, " ".join(words), "WARNING" if scene.dropped or written.sh_left_out else "INFO")
+
+
+classes = (GSSMC_OT_export_splats,)
