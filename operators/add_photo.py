@@ -43,7 +43,8 @@ class AddsPicture(PlainOperator, FromFile):
         given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
         image = load()
         camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name, photo)
-        return camera, image, photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)
+        loaded = photo_camera.LoadedPhoto(photo, image, given)
+        return camera, image, photo_camera.fit_camera(context, camera, loaded, self.set_resolution)
 
 
 class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):

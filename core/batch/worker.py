@@ -20,7 +20,7 @@ from ..pose.settings import RefineSettings
 from ..processes.requests import Requests
 from ..render import Renderer, RenderSettings
 from ..splats import read_splats
-from .refine_one import refine_photo
+from .refine_one import read_masked_photo, refine_photo
 
 
 def main() -> int:
@@ -49,7 +49,7 @@ def refine_record(
     """The record of one photo; what cannot be used becomes a record that says so."""
     camera = camera_from_dict(camera_dict)
     try:
-        return report_to_dict(refine_photo(renderer, photo, camera, settings, mask=mask))
+        return report_to_dict(refine_photo(renderer, read_masked_photo(photo, mask), camera, settings))
     except GssmcError as error:
         return error_to_dict(camera, str(error))
     except MemoryError:

@@ -42,6 +42,39 @@ class TileImage:
     z0: Float32Array
 
 
+@dataclass(frozen=True, eq=False)
+class BlendWork:
+    """What all batches of tiles share: the splats' table, the tiles' lists, the image that they go into, and what is called
+    often and may raise to stop the work.
+    """
+
+    table: Float32Array
+    lists: TileLists
+    image: TileImage
+    poll: Callable[[], None]
+
+
+@dataclass(frozen=True, eq=False)
+class TileBatch:
+    """At most ROUND_PAIRS tiles, none of whose lists is empty. tiles (n,): their numbers in the lists; centre (2, n): x, y of
+    their centres; inside (n, PIXELS): 1 where the pixel exists, else 0.
+    """
+
+    tiles: IndexArray
+    centre: Float32Array
+    inside: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class PairSegment:
+    """The parameters of the next pairs of every tile: rows (depth, n, ROW) of the table with relative depths, and the
+    coefficients (6, pairs and padding) of their exponents.
+    """
+
+    rows: Float32Array
+    coefficients: Float32Array
+
+
 def pixel_basis() -> Float32Array:
     """(1, u^2, uv, v^2, 2u, 2v) of a tile's pixels, relative to its centre, (6, PIXELS), x fastest."""
     v, u = (a.ravel().astype(np.float32) + np.float32(HALF_PIXEL - TILE / 2) for a in np.indices((TILE, TILE)))
@@ -62,30 +95,19 @@ class Scratch:
         self.chained = _multiplies_in_order(self.transmittance)
 
 
-def blend_tiles(
-    table: Float32Array,
-    lists: TileLists,
-    batch: IndexArray,
-    centre: Float32Array,
-    inside: Float32Array,
-    image: TileImage,
-    scratch: Scratch,
-    poll: Callable[[], None],
-) -> None:
-    """Composite the tiles `batch` (n,) of the lists, none of them empty, at most ROUND_PAIRS of them, into the image.
-
-    centre (2, n): x, y of tile centres; inside (n, PIXELS): 1 where the pixel exists, else 0.
-    """
-    live, transmittance = batch, inside
+def blend_tiles(work: BlendWork, batch: TileBatch, scratch: Scratch) -> None:
+    """Composites the tiles of a batch into the image."""
+    table, lists, image = work.table, work.lists, work.image
+    live, transmittance = batch.tiles, batch.inside
     state = np.stack([lists.start[live], lists.count[live]])  # next list entry, entries left
     z0 = image.z0[live] = table[lists.splats[state[0]], Z]
-    offset = np.concatenate([centre, z0[None]])
+    offset = np.concatenate([batch.centre, z0[None]])
     sums = np.zeros((len(live), CHANNELS, PIXELS), np.float32)
     while len(live):
         depth = max(1, min(SEGMENT_PAIRS // len(live), int(state[1].max())))
         g = _gather_index(lists.splats, state, depth, len(table) - 1)
         segment = _coefficients(table, g, offset, scratch)
-        done, seeing, transmittance = _blend_segment(*segment, transmittance, sums, scratch, poll)
+        done, seeing, transmittance = _blend_segment(segment, transmittance, sums, scratch, work.poll)
         state += ((done,), (-done,))
         stay = (state[1] > 0) & seeing
         if not stay.all():
@@ -95,19 +117,18 @@ def blend_tiles(
 
 
 def _blend_segment(
-    rows: Float32Array,
-    coefficients: Float32Array,
+    segment: PairSegment,
     transmittance: Float32Array,
     sums: Float32Array,
     scratch: Scratch,
     poll: Callable[[], None],
 ) -> tuple[int, NDArray[np.bool_], Float32Array]:
-    """Add the pairs of one segment, round by round, until half of its tiles are opaque.
+    """Adds the pairs of one segment, round by round, until half of its tiles are opaque.
 
     Returns the levels that were added, which tiles (n,) are not opaque yet and the transmittance (n, PIXELS) that is left, in
-    the scratch. rows (depth, n, ROW), coefficients (6, pairs and padding); transmittance (n, PIXELS); sums (n, CHANNELS,
-    PIXELS) are updated.
+    the scratch. `transmittance` (n, PIXELS) is that of before; `sums` (n, CHANNELS, PIXELS) are updated.
     """
+    rows, coefficients = segment.rows, segment.coefficients
     depth, tiles, _ = rows.shape
     step = max(1, min(ROUND_PAIRS // tiles, DEPTH_MAX))
     alive = transmittance.ravel() > 0
@@ -137,13 +158,8 @@ def _gather_index(splats: NDArray[np.int32], state: IndexArray, depth: int, pad:
     return g
 
 
-def _coefficients(
-    table: Float32Array, g: NDArray[np.int32], offset: Float32Array, scratch: Scratch
-) -> tuple[Float32Array, Float32Array]:
-    """Table rows of the pairs g (depth, tiles) with relative depths, and their exponents' coefficients (6, pairs and padding).
-
-    offset (3, tiles): what x, y and z are relative to.
-    """
+def _coefficients(table: Float32Array, g: NDArray[np.int32], offset: Float32Array, scratch: Scratch) -> PairSegment:
+    """The parameters of the pairs whose table rows are g (depth, tiles). offset (3, tiles): what x, y and z are relative to."""
     pairs = g.size
     padded = pairs + GEMM_ROWS  # a round's matrix product reads up to one block beyond its pairs
     rows = scratch.rows[:pairs]
@@ -167,7 +183,7 @@ def _coefficients(
     np.square(work, out=work)
     columns[LOG_OPACITY] -= p
     columns[LOG_OPACITY] -= s
-    return rows.reshape(*g.shape, ROW), columns[LOG_OPACITY : FEATURES + 2]
+    return PairSegment(rows.reshape(*g.shape, ROW), columns[LOG_OPACITY : FEATURES + 2])
 
 
 def _alpha(coefficients: Float32Array, shape: tuple[int, ...], scratch: Scratch) -> Float32Array:

@@ -6,6 +6,8 @@ calls wait for each other.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +72,29 @@ class View:
         self.border = (half + MAX_PIXEL_MARGIN).astype(np.float32)
 
 
+@dataclass(frozen=True, eq=False)
+class Conic:
+    """The ellipses of n splats, low-pass included: variances (2, n) and covariance (n,) in pixels^2, 1 / l1 and l3 (n,)."""
+
+    variance: Float32Array
+    covariance: Float32Array
+    inverse_l1: Float32Array
+    l3: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedSplats:
+    """n Gaussians in the image: centre (2, n) in pixels, camera depth (n,), ellipses, log opacity and cut (n,) as in
+    `SceneTables`.
+    """
+
+    centre: Float32Array
+    z: Float32Array
+    conic: Conic
+    log_opacity: Float32Array
+    cut: Float32Array
+
+
 def project_chunk(tables: SceneTables, view: View, part: slice, splats: Splats) -> IndexArray:
     """Project the Gaussians of `part` into their room, all but the colour; which of them (n,) fill its first n slots."""
     exact = view.R @ tables.means[:, part].astype(np.float64)
@@ -91,7 +116,7 @@ def project_chunk(tables: SceneTables, view: View, part: slice, splats: Splats) 
         np.multiply(plane[:, None], axes[2], out=rows[:, :3])
         np.subtract(axes[:2], rows[:, :3], out=rows[:, :3])
         rows[:, :3] *= np.divide(view.f, z)[:, None]
-        _write(splats, own, view.tile_rows, centre, z, _conic(rows), body[9], body[10])
+        _write(splats, own, view.tile_rows, ProjectedSplats(centre, z, _conic(rows), body[9], body[10]))
     return index
 
 
@@ -108,8 +133,8 @@ def _cull(points: Float32Array, reach: Float32Array, view: View) -> IndexArray:
     return np.flatnonzero(near)
 
 
-def _conic(rows: Float32Array) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
-    """Variances (2, n) and covariance (n,) of splats in pixels^2, low-pass included, 1 / l1 and l3 (n,).
+def _conic(rows: Float32Array) -> Conic:
+    """The ellipses of n splats.
 
     rows (2, 5, n): the Jacobian times the Gaussian's axes, the last two of five are room; overwritten. 1 / l1^2 is the variance
     of x where y is known, the determinant divided by that of y. Cauchy-Binet keeps that of a needle, where a c - b^2 would
@@ -130,21 +155,14 @@ def _conic(rows: Float32Array) -> tuple[Float32Array, Float32Array, Float32Array
     free *= l3
     free += low
     free += np.einsum("kn,kn->n", minors, minors)
-    return variance, covariance, np.sqrt(free, out=free), l3
+    return Conic(variance, covariance, np.sqrt(free, out=free), l3)
 
 
-def _write(
-    splats: Splats,
-    own: slice,
-    tile_rows: int,
-    centre: Float32Array,
-    z: Float32Array,
-    conic: tuple[Float32Array, Float32Array, Float32Array, Float32Array],
-    log_opacity: Float32Array,
-    cut: Float32Array,
-) -> None:
-    """The rows of n splats into the slots `own`, from centre (2, n), depth (n,) and what `_conic` gave."""
-    variance, covariance, inverse, l3 = conic
+def _write(splats: Splats, own: slice, tile_rows: int, projected: ProjectedSplats) -> None:
+    """The rows of n splats into the slots `own`; the arrays of their ellipses are overwritten."""
+    centre, z, cut = projected.centre, projected.z, projected.cut
+    conic = projected.conic
+    variance, covariance, inverse, l3 = conic.variance, conic.covariance, conic.inverse_l1, conic.l3
     block = np.empty((ROW, len(z)), np.float32)
     shape = np.empty((SHAPE, len(z)), np.float32)
     variance *= cut
@@ -160,7 +178,7 @@ def _write(
     shape[S_SKEW], shape[S_INVERSE] = skew, inverse
     shape[S_X : S_INVERSE + 1] *= np.float32(1 / TILE)
     shape[-1] = 0
-    block[MX : MY + 1], block[Z], block[LOG_OPACITY] = centre, z, log_opacity
+    block[MX : MY + 1], block[Z], block[LOG_OPACITY] = centre, z, projected.log_opacity
     half = np.float32(np.sqrt(0.5))
     np.divide(half, inverse, out=block[L1])
     np.multiply(skew, block[L1], out=block[L2])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import Cancelled
 from ..geometry.camera import Intrinsics, Pose
 from ..splats.scene import GaussianScene
-from .blend import CHANNELS, PIXELS, Scratch, TileImage, blend_tiles
+from .blend import CHANNELS, PIXELS, BlendWork, Scratch, TileBatch, TileImage, blend_tiles
 from .color import colors
 from .project import FEATURES, TILE, Splats, View, depth_order, project_chunk
 from .sharing import Workers
@@ -129,12 +129,13 @@ class _Stripe:
             return bin_band(splats, order, self.target.columns, *band)
 
         lists = join_bands(run(bin_, self.bands))
-        run(lambda batch: self._blend(splats.table, lists, batch, poll), plan_batches(lists.count))
+        work = BlendWork(splats.table, lists, self.image, poll)
+        run(lambda tiles: self._blend(work, tiles), plan_batches(lists.count))
         run(self._store, self.bands)
 
-    def _blend(self, table: Float32Array, lists: TileLists, batch: IndexArray, poll: Callable[[], None]) -> None:
+    def _blend(self, work: BlendWork, tiles: IndexArray) -> None:
         k = self.target.k
-        row, column = np.divmod(batch, self.target.columns)
+        row, column = np.divmod(tiles, self.target.columns)
         corner_x, corner_y = column * TILE, (row + self.begin) * TILE
         offset = np.arange(TILE)
         in_x, in_y = corner_x[:, None] + offset < k.width, corner_y[:, None] + offset < k.height
@@ -144,7 +145,7 @@ class _Stripe:
             scratch = self.target.scratches.pop()
         except IndexError:
             scratch = Scratch()
-        blend_tiles(table, lists, batch, centre, inside, self.image, scratch, poll)
+        blend_tiles(work, TileBatch(tiles, centre, inside), scratch)
         self.target.scratches.append(scratch)
 
     def _store(self, band: tuple[int, int]) -> None:

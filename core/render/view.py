@@ -56,7 +56,9 @@ class ViewRenderer(Protocol):
     def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView: ...
 
 
-def alone(renderer: ViewRenderer) -> ViewRenderer:
-    """What draws a view that no other is drawn beside: all threads share it, where `renderer` draws each on one."""
-    own: ViewRenderer = getattr(renderer, "alone", renderer)
-    return own
+def sole_renderer(renderer: ViewRenderer) -> ViewRenderer:
+    """The renderer for a view that is drawn by itself, not beside others. A `ProcessRenderer` draws each view on one thread and
+    has another renderer (`sole`), whose threads share one view; any other renderer is returned as it is.
+    """
+    sole: ViewRenderer = getattr(renderer, "sole", renderer)
+    return sole

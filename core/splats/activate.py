@@ -50,7 +50,7 @@ class SceneBuilder:
         self.seen += len(means)
 
     def scene(self, source_format: str, orientation: Orientation = "Y_DOWN") -> GaussianScene:
-        """The scene of everything added, as `GaussianScene.checked` makes it, and its errors."""
+        """The scene of everything added, as `GaussianScene.checked` makes it. Raises its errors."""
         n = self.seen
         arrays = (self._means[:n], self._scales[:n], self._rotations[:n], self._opacities[:n], self._sh[:n])
-        return GaussianScene.checked(*arrays, source_format, orientation)
+        return GaussianScene(*arrays, format=source_format, orientation=orientation).checked()

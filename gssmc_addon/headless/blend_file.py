@@ -78,7 +78,8 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
         photo = None
     if photo and photo_file:
         image = photo_image.load_image(str(photo_file.resolve()), photo)
-        photo_camera.fit_camera(bpy.context, obj, photo, image, camera, set_resolution=first)
+        loaded = photo_camera.LoadedPhoto(photo, image, camera)
+        photo_camera.fit_camera(bpy.context, obj, loaded, set_resolution=first)
     else:
         scene.camera = obj
         lens = camera.intrinsics

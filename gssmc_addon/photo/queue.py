@@ -79,7 +79,7 @@ class AddPhotosJob(QueueJob):
         given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
         image = photo_image.load_image(path, photo)
         camera = photo_camera.choose_camera(context, "NEW", self.paths[index].name, photo)
-        photo_camera.fit_camera(context, camera, photo, image, given, set_resolution=False)
+        photo_camera.fit_camera(context, camera, photo_camera.LoadedPhoto(photo, image, given), set_resolution=False)
         photo_list.note(context.scene, camera, photo)
         if not image.is_dirty:
             image.buffers_free()
@@ -145,7 +145,7 @@ class RefineQueue(RetryQueue):
         if camera is None:
             raise RefineError(rpt_('The camera "{name}" is no longer in the scene; nothing was changed.', name=name))
         photo = photo_image.camera_photo(camera)
-        job = jobs.gather(scene, splat, camera, photo, self.settings, self._renderer)
+        job = jobs.gather(scene, splat, camera, self.settings, self._renderer)
         self._targets = job.targets
         if photo and photo.has_data and not photo.is_dirty and camera != scene.camera:
             photo.buffers_free()  # OpenEXR is decoded by Blender, which would keep the pixels of every photo

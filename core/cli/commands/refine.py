@@ -7,13 +7,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ...batch.refine_one import refine_photo
+from ...batch.refine_one import read_masked_photo, refine_photo
 from ...cameras.files import Start, read_starts
 from ...errors import CameraError, PhotoError
 from ...geometry.camera import Camera
 from ...photos.lens_guess import guess_lens
-from ...photos.mask import find_mask, masked
-from ...photos.photo import Photo, read_photo
+from ...photos.mask import find_mask
+from ...photos.photo import Photo
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...render import ProcessRenderer, RenderSettings
@@ -46,9 +46,7 @@ def run(args: argparse.Namespace) -> Outcome:
     models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
     inputs = {"the scan": args.scene, "the photo": args.photo, "the start": args.camera, "the mask": mask, "a model": models}
     check_outputs({"--out": args.out}, inputs)
-    photo = read_photo(args.photo)
-    if mask is not None:
-        photo = masked(photo, mask)
+    photo = read_masked_photo(args.photo, mask)
     for remark in photo.notes:
         note(remark)
     camera = start_camera(pick_start(args.camera, args.photo), photo)

@@ -41,6 +41,15 @@ class Corners:
     world: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class PosedRender:
+    """A render of the splat and the pose (world-to-camera) that it was drawn at; `reference`: that is the current pose."""
+
+    view: RenderedView
+    pose: Pose
+    reference: bool = False
+
+
 def pick_corners(photo: WorkingPhoto, pose: Pose, view: RenderedView) -> Corners:
     """Corners where the render at `pose` is opaque and the photo may be used."""
     solid = solid_part(view)
@@ -57,32 +66,32 @@ def pick_corners(photo: WorkingPhoto, pose: Pose, view: RenderedView) -> Corners
     return Corners(pixels, (rays * depth[:, None] - pose.t) @ pose.R)
 
 
-def follow(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose, at: Pose, corners: Corners) -> ViewMatches:
-    """Renders the splat at `at` and follows the corners there; `pose` is the photo's pose as known so far."""
-    return match_corners(renderer.render(photo.pinhole, at), photo, pose, at, corners, reference=False)
+def follow(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose, view_pose: Pose, corners: Corners) -> ViewMatches:
+    """Renders the splat at `view_pose` and follows the corners there; `pose` is the photo's pose as known so far."""
+    return match_corners(PosedRender(renderer.render(photo.pinhole, view_pose), view_pose), photo, pose, corners)
 
 
-def match_corners(
-    view: RenderedView, photo: WorkingPhoto, pose: Pose, at: Pose, corners: Corners, reference: bool
-) -> ViewMatches:
-    """Matches of the corners with `view`, rendered at `at`: those that align there and back, and lie where geometry allows."""
+def match_corners(render: PosedRender, photo: WorkingPhoto, pose: Pose, corners: Corners) -> ViewMatches:
+    """Matches of the corners with a render: those that align there and back, and lie where geometry allows. `pose` is the
+    photo's pose as known so far.
+    """
     k, long_side = photo.pinhole, max(photo.raw.shape)
-    guess, inside = _predicted(photo, at, corners.world)
+    guess, inside = _predicted(photo, render.pose, corners.world)
     start, guess = corners.pixels[inside], guess[inside]
     window = max(MIN_WINDOW_PX, round(long_side * WINDOW) | 1)
     aligner = SubpixelAligner(window_px=window, max_move_px=max(MIN_MOVE_PX, long_side * MOVE))
-    pixels, good = aligner.align(photo.aligned, normalise_locally(grey_of(view)), start, guess)
+    pixels, good = aligner.align(photo.aligned, normalise_locally(grey_of(render.view)), start, guess)
     start, pixels = start[good], pixels[good]
-    depth, std = depth_at(view, pixels)
-    matches = ViewMatches(at, k.normalise(start), k.normalise(pixels), depth, std, reference)
+    depth, std = depth_at(render.view, pixels)
+    matches = ViewMatches(render.pose, k.normalise(start), k.normalise(pixels), depth, std, render.reference)
     matches = matches.take(np.isfinite(depth) & (depth > 0))
     return matches.take(gate(pose, matches, k.matrix, GATE_PX))
 
 
-def _predicted(photo: WorkingPhoto, at: Pose, world: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Pixels (N, 2) of world points in the view at `at`, and which lie inside it (N,)."""
+def _predicted(photo: WorkingPhoto, view_pose: Pose, world: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Pixels (N, 2) of world points in the view at `view_pose`, and which lie inside it (N,)."""
     k = photo.pinhole
-    pixels = k.project(at.transform(world))  # NaN behind the camera, which compares as outside
+    pixels = k.project(view_pose.transform(world))  # NaN behind the camera, which compares as outside
     with np.errstate(invalid="ignore"):
         inside = (pixels > 0).all(1) & (pixels < (k.width, k.height)).all(1)
     return pixels, np.asarray(inside)

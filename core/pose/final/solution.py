@@ -11,7 +11,7 @@ from ...geometry.camera import FloatArray, Intrinsics, pose_error
 from ..search.epipolar import EpipolarFit, refine_epipolar
 from ..shared.lens import LensCamera, LensMode
 from ..shared.matches import ViewMatches
-from .joint import JointFit, Stage
+from .joint import FitKind, JointFit
 
 SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
 
@@ -28,7 +28,7 @@ class Solution:
     """
 
     camera: LensCamera
-    stage: Stage | str
+    stage: FitKind | str
     rms_px: float
     translation_std_units: float
     rotation_std_deg: float
@@ -49,14 +49,14 @@ def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics,
     return Solution(LensCamera(fit.pose, k), "loop", fit.rms_px, *deviations, *apart, mode)
 
 
-def from_joint(fit: JointFit, depth: float) -> Solution:
-    """The last stage's fit as a solution. `depth`: median rendered depth, scene units."""
+def from_joint(fit: JointFit, depth: float, lens_gain: float) -> Solution:
+    """The last stage's fit as a solution. `depth`: median rendered depth, scene units; `lens_gain`: see `Solution`."""
     apart = (float("nan"), float("nan"))
     if len(fit.problem.counts) >= 4:
         a, b = fit.halves()
         apart = pose_error(a.pose, b.pose)
     translation, rotation, focal = _deviations(fit.information, depth)
-    return Solution(fit.camera, fit.stage, fit.rms_px, translation, rotation, focal, *apart, fit.problem.mode, fit.lens_gain)
+    return Solution(fit.camera, fit.kind, fit.rms_px, translation, rotation, focal, *apart, fit.problem.mode, lens_gain)
 
 
 def _deviations(information: FloatArray, depth: float) -> tuple[float, float, float]:

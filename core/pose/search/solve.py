@@ -13,7 +13,7 @@ from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 from .consistency import consensus_pose
 from .depth_pnp import pnp_pose
 from .epipolar import EpipolarFit, epipolar_distances, measure_epipolar, refine_epipolar
-from .observe import Observation, Query, align_matches
+from .observe import Observation, PhotoFeatures, align_matches
 from .two_view import TwoViewPose, two_view_pose
 
 MIN_VIEW_INLIERS = 15  # an essential matrix on fewer is as often chance as geometry
@@ -65,7 +65,7 @@ def coarse_pose(
     matches = [o.matches for o in observations]
     pooled = pnp_pose(matches, focal_of(K)) if multiview else None
     if pooled is not None:
-        options.append(pooled[0])
+        options.append(pooled.pose)
     if not options:
         return None
     scores = [agreement(pose, matches, K) for pose in options]
@@ -112,13 +112,15 @@ def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_
     return np.asarray(on_line & ~misplaced)
 
 
-def fine_matches(pose: Pose, observations: Sequence[Observation], query: Query, frontend: Frontend) -> list[ViewMatches]:
+def fine_matches(
+    pose: Pose, observations: Sequence[Observation], photo: PhotoFeatures, frontend: Frontend
+) -> list[ViewMatches]:
     """All views' matches that fit `pose`, aligned to sub-pixel. Left out: views with too few of them, and views so close to
     `pose` that there is no parallax, whose epipolar lines turn with the noise (unless there are no others).
     """
-    K = query.pinhole.matrix
+    K = photo.pinhole.matrix
     apart = [o for o in observations if _parallax_px(pose, o, K) >= MIN_PARALLAX_PX] or observations
-    aligned = [align_matches(o, query, gate(pose, o.matches, K), frontend.aligner) for o in apart]
+    aligned = [align_matches(o, photo, gate(pose, o.matches, K), frontend.aligner) for o in apart]
     return [m for m in aligned if len(m) >= MIN_FINE_MATCHES]
 
 

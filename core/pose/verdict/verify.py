@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...features.subpixel import SubpixelAligner, normalise_locally
 from ...geometry.camera import FloatArray, Pose
 from ...geometry.conventions import from_opencv_pixels
-from ...render.view import ViewRenderer, alone
+from ...render.view import ViewRenderer, sole_renderer
 from ..search.observe import grey_of
 from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
@@ -48,7 +48,7 @@ class FinalView:
 
 def view_at(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose) -> FinalView:
     """Renders the splat at `pose` and measures how it agrees with the photo."""
-    view = alone(renderer).render(photo.pinhole, pose)
+    view = sole_renderer(renderer).render(photo.pinhole, pose)
     return compare(photo, grey_of(view), solid_part(view))
 
 

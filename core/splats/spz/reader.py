@@ -61,7 +61,8 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
         sh = np.empty((n, 1, 3), np.float32)
     sh[:, 0] = colours
     name = f"spz version {header.version}"
-    return GaussianScene.checked(means, scales, rotations, opacities[:, 0], sh, name, header.orientation)
+    scene = GaussianScene(means, scales, rotations, opacities[:, 0], sh, format=name, orientation=header.orientation)
+    return scene.checked()
 
 
 class _Growing:

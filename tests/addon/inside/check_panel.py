@@ -97,9 +97,7 @@ def note(extension, scene, *reasons):
 def test_the_panel_is_as_high_before_a_refinement_as_while_it_runs_and_after(bpy, scene, extension, width):
     jobs, own = extension("gssmc_addon.refine.job"), bpy.context.window_manager.gssmc
     before = height(bpy, extension, width)
-    job = jobs.gather(
-        scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, extension("core.pose.settings").RefineSettings()
-    )
+    job = jobs.gather(scene, scene.gssmc.splat, scene.camera, extension("core.pose.settings").RefineSettings())
     jobs.begin(bpy.context, job)
     try:
         heights = [height(bpy, extension, width)]
