@@ -27,6 +27,7 @@ from ..operators import (
     review,
     set_mask,
     undistort_photo,
+    up_axis,
 )
 from .camera import frame as camera_frame
 from .headless import command as cli
@@ -60,6 +61,7 @@ _class_modules = (
     back_to_solution,
     match_resolution,
     undistort_photo,
+    up_axis,
     report_problem,
     reset_settings,
     add_plate,

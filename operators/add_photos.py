@@ -7,10 +7,12 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..core.errors import RefineError
 from ..gssmc_addon.photo import list as photo_list
-from ..gssmc_addon.photo.queue import AddPhotosJob, photos_in
+from ..gssmc_addon.photo.queue import SUFFIXES, AddPhotosJob, photos_in
 from ..gssmc_addon.refine import job as jobs
 from ..gssmc_addon.support.operator_parts import JobFromFile
 from ..gssmc_addon.support.texts import rpt_
+
+FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
 
 
 class _AddPhotos(JobFromFile):
@@ -18,7 +20,9 @@ class _AddPhotos(JobFromFile):
 
     __annotations__ = {
         "directory": StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}),
+        "files": CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}),
         "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
+        "filter_glob": StringProperty(default=FILTER, options={"HIDDEN"}),
         "camera_file": StringProperty(
             name="Camera File",
             subtype="FILE_PATH",
@@ -79,8 +83,6 @@ class GSSMC_OT_add_photos(_AddPhotos, bpy.types.Operator):
 
     __annotations__ = {
         **_AddPhotos.__annotations__,
-        "files": CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}),
-        "filter_image": BoolProperty(default=True, options={"HIDDEN"}),
     }
 
     def _chosen(self):
@@ -92,7 +94,7 @@ class GSSMC_OT_add_photos(_AddPhotos, bpy.types.Operator):
 
 
 class GSSMC_OT_add_photo_folder(_AddPhotos, bpy.types.Operator):
-    """Load all photographs of a folder; each gets a camera of its own, at the current view or where a camera file says"""
+    """Load all photographs of the folder that the file browser shows, whichever is picked; each gets a camera of its own"""
 
     bl_idname = "gssmc.add_photo_folder"
     bl_label = "Add Folder"
@@ -101,6 +103,10 @@ class GSSMC_OT_add_photo_folder(_AddPhotos, bpy.types.Operator):
     __annotations__ = {**_AddPhotos.__annotations__}
 
     def _chosen(self):
+        """The browser lists the photos, so that one sees what comes; scripts may name the folder, or a photo in it."""
+        if not self.directory and self.filepath:
+            path = Path(bpy.path.abspath(self.filepath))
+            return photos_in(path if path.is_dir() else path.parent)
         return photos_in(Path(bpy.path.abspath(self.directory)))
 
 

@@ -22,7 +22,7 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
     """Export photo cameras in the coordinates of the splat file"""
 
     bl_idname = "gssmc.export_cameras"
-    bl_label = "Export Photo Cameras"
+    bl_label = "Export Cameras"
 
     filename_ext = ".json"
     filter_glob: StringProperty(default="*.json;*.txt", options={"HIDDEN"})

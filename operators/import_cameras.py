@@ -15,7 +15,7 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
     """Import cameras, with their photos, from a COLMAP model, transforms.json or camera JSON of the splat's own world"""
 
     bl_idname = "gssmc.import_cameras"
-    bl_label = "Import Photo Cameras"
+    bl_label = "Import Cameras"
     bl_options = {"UNDO"}
 
     filter_glob: StringProperty(default="*.json;*.txt;*.bin", options={"HIDDEN"})

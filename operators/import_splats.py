@@ -14,15 +14,13 @@ from ..gssmc_addon.splat import display as splat_display
 from ..gssmc_addon.splat import importer as splat_import
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.splat.import_job import SplatImport
+from ..gssmc_addon.splat.up_axis import AXIS_ITEMS
 from ..gssmc_addon.support.texts import iface_, rpt_
 from ..gssmc_addon.viewport import props as viewport_props
 
 ORIENTATION_ITEMS = (
-    ("AUTO", "By Format", "What the file's format means, or the file declares: .ply and .splat y down, .spz y up"),
-    ("Y_DOWN", "Y Down", "The file's y axis points down, as photogrammetry and most splat trainers write it"),
-    ("Y_UP", "Y Up", "The file's y axis points up"),
-    ("Z_UP", "Z Up", "The file's z axis points up, as in Blender: keep the axes"),
-    ("Z_DOWN", "Z Down", "The file's z axis points down"),
+    ("AUTO", "By Format", "As is usual for the file's format (.ply and .splat y down, .spz y up), or as the file declares"),
+    *AXIS_ITEMS,
 )
 DIALOG_WIDTH = 340
 
@@ -31,12 +29,15 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
     """Import a 3D Gaussian Splatting scan as a point cloud"""
 
     bl_idname = "gssmc.import_splats"
-    bl_label = "Import Gaussian Splats"
+    bl_label = "Import Splats"  # also the file browser's button, which cuts longer ones off
     bl_options = {"UNDO", "PRESET"}
 
     filter_glob: StringProperty(default=splat_import.FILTER, options={"HIDDEN"})
     orientation: EnumProperty(
-        name="Up Axis", items=ORIENTATION_ITEMS, default="AUTO", description="Turns the object; the file's coordinates stay"
+        name="Up Axis",
+        items=ORIENTATION_ITEMS,
+        default="AUTO",
+        description="Turns the object; the file's coordinates stay. The panel changes it later",
     )
     scale: FloatProperty(
         name="Scale",

@@ -3,7 +3,6 @@
 import bpy
 from bpy.props import BoolProperty, IntProperty
 
-from ..gssmc_addon.camera import solution as camera_solution
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.texts import tip_
 
@@ -45,8 +44,7 @@ class GSSMC_OT_review(bpy.types.Operator):
         return {"CANCELLED"}
 
     def _wanted(self, scene, entry):
-        camera = photo_list.camera_of(scene, entry)
-        return camera is not None and not (self.skip_trusted and camera_solution.verdict(scene, camera) == "TRUSTED")
+        return photo_list.camera_of(scene, entry) is not None and (photo_list.is_open(entry) or not self.skip_trusted)
 
 
 classes = (GSSMC_OT_review,)

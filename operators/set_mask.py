@@ -55,6 +55,7 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
     bl_options = {"UNDO"}
 
     directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    filter_image: BoolProperty(default=True, options={"HIDDEN"})  # else a full folder looks empty
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
 
     @classmethod

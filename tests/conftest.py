@@ -10,7 +10,7 @@ import pytest
 
 HERE = Path(__file__).parent
 RINGS = frozenset({"unit", "loop", "process", "blender", "blender45", "blender53", "window"})
-RING_OF_FOLDER = {"core/batch": "process", "addon": "blender", "ui": "window"}
+RING_OF_FOLDER = {"core/batch": "process", "core/processes": "process", "addon": "blender", "ui": "window"}
 RING_OF_FIXTURE = {"place": "loop"}  # a room with photos, made to be refined
 
 

@@ -16,13 +16,14 @@ Progress = Callable[[float], None]
 class SplatInfo:
     """A file's header in words: `format` as in GaussianScene, `count` Gaussians promised, `sh_degree` 0..3 as it is read.
 
-    `orientation` is which way the axes point by the convention of the format, or as the file itself declares.
+    `orientation` is which way the axes point by the convention of the format, or as the file itself says: `declared`.
     """
 
     format: str
     count: int
     sh_degree: int
     orientation: Orientation
+    declared: bool = False
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ def write(
         for frame, found in sorted(cameras.items()):
             scene.frame_set(frame)  # a parent or the splat may move
             camera_bridge.write_camera(scene, camera, splat, found)
-            before = _continue_turn(camera, before)
+            before = continue_turn(camera, before)
             for block, names in paths.items():
                 for name in names:
                     block.keyframe_insert(name, frame=frame)
@@ -59,7 +59,7 @@ def check(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Obj
             layer.update()
 
 
-def _continue_turn(camera: bpy.types.Object, before: object) -> object:
+def continue_turn(camera: bpy.types.Object, before: object) -> object:
     """Makes the rotation the closest to the key before it among those that mean the same: no spin between two keys."""
     if camera.rotation_mode == "QUATERNION":
         if before is not None and camera.rotation_quaternion.dot(before) < 0:

@@ -116,5 +116,7 @@ def show_in_viewport(data: bpy.types.Camera | None, image: bpy.types.Image | Non
         return
     slot = next((slot for slot in data.background_images if is_ours(slot.image)), None) or data.background_images.new()
     slot.image, slot.alpha, slot.frame_method, slot.display_depth = image, 1.0, "FIT", "FRONT"
+    if data.gssmc.photo:
+        image.display_aspect = data.gssmc.photo.display_aspect  # its pixels are as wide as the photo's
     slot.show_background_image = data.show_background_images = True
     data.update_tag()

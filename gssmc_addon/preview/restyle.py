@@ -21,6 +21,8 @@ from . import job as preview_job
 from . import options as preview_options
 from . import watch
 
+BUSY_S = 0.5
+
 
 def style_changed(own: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
     """Another style, or the viewport shows it now."""
@@ -40,13 +42,16 @@ def position_changed(own: bpy.types.PropertyGroup, context: bpy.types.Context) -
         _recompose(own, context, any_content=True)
 
 
-def _press() -> None:
-    """Runs the preview; an operator cannot be started in the middle of a property's change."""
+def _press() -> float | None:
+    """Runs the preview; an operator cannot be started in the middle of a property's change. A running job is waited for."""
     window = next(iter(bpy.context.window_manager.windows), None)
-    if window is None or jobs.active():
-        return
+    if window is None:
+        return None
+    if jobs.active():
+        return BUSY_S
     with bpy.context.temp_override(window=window), contextlib.suppress(RuntimeError):  # it has said why, in the panel too
         bpy.ops.gssmc.preview("INVOKE_DEFAULT")
+    return None
 
 
 def _recompose(own: bpy.types.PropertyGroup, context: bpy.types.Context, any_content: bool) -> bool:
@@ -70,6 +75,7 @@ def _recompose(own: bpy.types.PropertyGroup, context: bpy.types.Context, any_con
         picture = preview_images.find("render")
     else:
         picture = preview_images.put_picture(preview_job.compose(options, pair))
+    context.window_manager.gssmc.tell("")  # what was said of the style before
     shown = preview_images.show(picture)
     in_viewport = own.background and own.style in preview_options.IN_VIEWPORT
     if in_viewport:

@@ -100,7 +100,9 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
     changed = camera_solution.title(context.scene, camera) if camera and not jobs.active() else ""
     room = wrapping.room_px(context, icon=True) - wrapping.ICON_PX  # of the arrow
     if changed:
-        titles, icon, texts = [changed], camera_props.VERDICT_ICONS[camera_solution.CHANGED], [titles[0], *texts]
+        below = 1 if last.message else 0  # the message stays first, with its icon
+        texts = [*texts[:below], titles[0], *texts[below:]]
+        titles, icon = [changed], camera_props.VERDICT_ICONS[camera_solution.CHANGED]
     row = box.row()
     row.label(text=next((text for text in titles if wrapping.fits(text, room)), titles[-1]), icon=icon)
     row.prop(last, "details", text="", icon="DISCLOSURE_TRI_DOWN" if last.details else "DISCLOSURE_TRI_RIGHT", emboss=False)

@@ -14,19 +14,19 @@ from mathutils import Matrix
 from ...core.errors import GssmcError, SplatFormatError
 from ...core.geometry import conventions
 from ...core.geometry.conventions import Orientation
-from ...core.splats import SUFFIXES, inspect_splats
+from ...core.splats import SUFFIXES, SplatInfo, inspect_splats
 from ...core.splats.scene import GaussianScene
-from ..support.texts import iface_, n_, rpt_
+from ..support.texts import iface_, rpt_
 from ..viewport import clouds as viewport_clouds
 from ..viewport import handlers as viewport
 from ..viewport import props as viewport_props
 from . import cloud_size
 from . import display as splat_display
 from . import object as splat_object
+from .up_axis import AXIS_WORDS
 
 ADDING_S = 0.05
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
-AXIS_WORDS = {"Y_DOWN": n_("Y Down"), "Y_UP": n_("Y Up"), "Z_UP": n_("Z Up"), "Z_DOWN": n_("Z Down")}
 
 
 def describe(path: str) -> list[str]:
@@ -43,8 +43,16 @@ def describe(path: str) -> list[str]:
     return [
         iface_("Format: {format}", format=info.format),
         iface_("{count:,} Gaussians, SH degree {degree}", count=info.count, degree=info.sh_degree),
-        iface_("Its axes: {axes}", axes=iface_(AXIS_WORDS[info.orientation])),
+        _axes_told(info),
     ]
+
+
+def _axes_told(info: SplatInfo) -> str:
+    """Few files say which way is up; of the others it is a guess, and told as one."""
+    axes = iface_(AXIS_WORDS[info.orientation])
+    if info.declared:
+        return iface_("Up axis: {axes}, as the file says", axes=axes)
+    return iface_("Up axis: {axes}, as is usual for this format", axes=axes)
 
 
 @dataclass(frozen=True)
@@ -138,6 +146,7 @@ class Building:
         axes = scene.orientation if place.orientation == "AUTO" else place.orientation
         obj.matrix_world = Matrix(conventions.orientation_matrix(axes).tolist()) @ Matrix.Scale(place.scale, 4)
         obj.gssmc.max_shown = place.max_shown
+        obj.gssmc.up_axis = axes
         viewport_props.apply(obj)
         _pick(context, obj)
         return obj

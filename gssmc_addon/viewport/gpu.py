@@ -100,19 +100,6 @@ class Before:
     drawn: bool = False
 
 
-def textures_of(pictures: Sequence[FrontPicture]) -> list[Before]:
-    """The pictures with their textures, inside a draw of their viewport."""
-    screen = None
-    found = []
-    for picture in pictures:
-        if picture.image is not None:
-            found.append(Before(picture, gpu.texture.from_image(picture.image)))
-        else:
-            screen = screen or texture(read_colour())
-            found.append(Before(picture, screen, True))
-    return found
-
-
 class Painter:
     """The shaders; made inside a draw, where a GPU context exists. Raises what Blender raises when they do not compile."""
 
@@ -138,6 +125,18 @@ class Painter:
             shader.uniform_sampler(name, item)
         self._quad.draw_instanced(shader, instance_start=0, instance_count=len(part))
         gpu.state.blend_set("NONE")
+
+    def with_textures(self, pictures: Sequence[FrontPicture]) -> list[Before]:
+        """The pictures with their textures, inside a draw of their viewport."""
+        screen, found = None, []
+        self._overlay.bind()  # making a texture of an image ends with the shader bound before, which must be a living one
+        for picture in pictures:
+            if picture.image is not None:
+                found.append(Before(picture, gpu.texture.from_image(picture.image)))
+            else:
+                screen = screen or texture(read_colour())
+                found.append(Before(picture, screen, True))
+        return found
 
     def lay_over(self, splats: gpu.types.GPUTexture, opacity: float, before: Sequence[Before] = ()) -> None:
         """The finished splats over the bound framebuffer, stretched to its size, below the pictures before the scene."""

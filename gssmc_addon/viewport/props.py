@@ -6,6 +6,8 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty
 
 from ..splat import object as splat_object
+from ..splat import up_axis
+from ..support.texts import iface_
 
 MAX_SHOWN = 1_000_000
 SHOW_ITEMS = (
@@ -50,7 +52,11 @@ def draw_settings(layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> N
 
     One setting a row: two numbers beside each other lose their last digits in a narrow sidebar.
     """
-    if not splat_object.is_splat(obj) or splat_object.is_native(obj.data):
+    if not splat_object.is_splat(obj):
+        return
+    axis = iface_(up_axis.AXIS_WORDS[up_axis.of(obj)])
+    layout.operator_menu_enum("gssmc.up_axis", "axis", text=iface_("Up Axis: {axis}", axis=axis))
+    if splat_object.is_native(obj.data):
         return
     layout.row(align=True).prop(obj.gssmc, "show_as", expand=True)
     if obj.gssmc.show_as != "SPLATS":
@@ -96,6 +102,13 @@ class GssmcObject(bpy.types.PropertyGroup):
             soft_max=10_000_000,
             step=10_000,
             update=_changed,
+        ),
+        "up_axis": EnumProperty(
+            name="Up Axis",
+            description="Which axis of the file points up, as the object was imported or turned; Up Axis changes it",
+            items=(("UNKNOWN", "Unknown", "Another importer made the object"), *up_axis.AXIS_ITEMS),
+            default="UNKNOWN",
+            options={"HIDDEN"},
         ),
         "opacity": FloatProperty(
             name="Opacity",

@@ -16,7 +16,7 @@ from .canvas import Canvas, Depth
 from .clouds import Clouds
 from .data import back_to_front, boost_for, order_table
 from .front import front_pictures
-from .gpu import Painter, SplatDraw, SplatTextures, is_software, texture, textures_of
+from .gpu import Painter, SplatDraw, SplatTextures, is_software, texture
 from .lod import Budget
 from .thread import BackThread
 
@@ -75,7 +75,7 @@ class Stage:
             self.painter, self.budget = Painter(), Budget(is_software())
         depth = self._depths.setdefault(context.region.as_pointer(), Depth())
         moved = depth.update()
-        before = textures_of(front_pictures(context))
+        before = self.painter.with_textures(front_pictures(context))
         for obj in shown:
             view = self._views.setdefault((context.region.as_pointer(), obj.data.session_uid), _View())
             if moved:

@@ -1,7 +1,7 @@
 """The main job in the real window, by hand as a user does it; screenshots to look at.
 
-Not part of pytest: it runs inside a windowed Blender under a driver that gives view3d(), sidebar(), press(), shot() and waits
-for the seconds that steps() yields. Beside this file: scene.ply, photo.jpg, cameras.json (the photo's start camera).
+It runs inside a windowed Blender (run.sh, window.py) under driver.py, which gives view3d(), sidebar(), press(), shot() and
+waits for the seconds that steps() yields. Beside this file: scene.ply, photo.jpg, cameras.json (the photo's start camera).
 """
 
 # ruff: noqa: F821 - the driver provides view3d, sidebar, move, click, press and shot

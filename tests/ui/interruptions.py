@@ -1,6 +1,6 @@
 """What may happen in the real window while a refinement runs: undo, deletion, another file, the extension switched off.
 
-Not part of pytest; see full_job.py for how it is run and what lies beside it.
+See full_job.py for how it is run and what lies beside it.
 """
 
 # ruff: noqa: F821 - the driver provides view3d, sidebar, press, shot and tick

@@ -1,6 +1,6 @@
 """The extension in another language, in the real window: a label, a report and the panel, by a dictionary registered here.
 
-Not part of pytest; see full_job.py for how it is run. Beside it: scene.ply and photo.jpg. Needs a Blender that has languages:
+See full_job.py for how it is run. Beside it: scene.ply and photo.jpg. Needs a Blender that has languages:
 its file `languages` must name de_DE (Debian keeps it in /usr/share/locale); translations of Blender's own are not needed.
 """
 

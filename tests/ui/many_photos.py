@@ -1,6 +1,6 @@
 """Many photos, the preview and a moving plate in the real window; screenshots to look at.
 
-Not part of pytest; see full_job.py for how it is run. Beside this file: scene.ply, photos/ and starts.json, plate/ and
+See full_job.py for how it is run. Beside this file: scene.ply, photos/ and starts.json, plate/ and
 start.json. docs/photos.jpg is what it shows of the sample room (and a file cut short) after all_of_them, at 80 %, with the
 settings' defaults, the splat drawn, the render of the photo's resolution and the timeline closed.
 """

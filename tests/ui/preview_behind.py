@@ -1,6 +1,6 @@
-"""The preview behind the camera comes, and goes when it is switched off, as the window shows it.
+"""The preview shows in the viewport by itself, goes when it is switched off, and follows the style, as the window shows it.
 
-Not part of pytest; see full_job.py for how it is run. Beside this file: scene.ply, photo.jpg, cameras.json.
+See full_job.py for how it is run. Beside this file: scene.ply, photo.jpg, cameras.json.
 """
 
 # ruff: noqa: F821 - the driver provides view3d, sidebar and shot
@@ -47,7 +47,7 @@ def steps():
     yield 2.0
     before = viewport("extra-p1-photo.png")
     own = bpy.context.window_manager.gssmc.preview
-    own.style, own.background = "DIFFERENCE", True
+    own.style = "DIFFERENCE"  # what Blender's default layout shows without a switch to be found first
     in_view(bpy.ops.gssmc.preview, "INVOKE_DEFAULT")
     begun = time.time()
     while job() and time.time() - begun < 60:
@@ -65,3 +65,14 @@ def steps():
     in_view(bpy.ops.gssmc.preview, background=False)
     yield 2.0
     assert np.abs(viewport("extra-p5-operator.png") - before).mean() < 0.5
+    own.style = "FLICKER"
+    assert own.flicker, "the style that is chosen is the one that shows"
+    yield 2.0
+    own.style = "MATCHES"
+    yield 1.0
+    begun = time.time()
+    while job() and time.time() - begun < 60:
+        yield 0.2
+    assert "matches sit" in bpy.context.window_manager.gssmc.message, "chosen and made, without another press"
+    yield 1.0
+    assert np.abs(viewport("extra-p6-matches.png") - before).mean() < 0.5, "no double picture stands in the viewport"

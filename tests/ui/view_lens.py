@@ -1,6 +1,6 @@
 """Cameras made at the current view show what the view showed, in the real window: against RegionView3D's own matrices.
 
-Not part of pytest; see full_job.py for how it is run. Beside this file: photo.jpg, tall.jpg.
+See full_job.py for how it is run. Beside this file: photo.jpg, tall.jpg.
 """
 
 # ruff: noqa: F821 - the driver provides view3d and shot

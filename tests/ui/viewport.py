@@ -1,6 +1,6 @@
 """The splat in the real viewport: import by the dialog, beside a cube, hidden, undone, reopened, the extension switched off.
 
-Not part of pytest; see full_job.py for how it is run. Beside it: scene.ply, photo.jpg, cameras.json. Look at the screenshots.
+See full_job.py for how it is run. Beside it: scene.ply, photo.jpg, cameras.json. Look at the screenshots.
 """
 
 # ruff: noqa: F821 - the driver provides view3d, sidebar, press, shot and tick

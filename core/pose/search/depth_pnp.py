@@ -55,27 +55,30 @@ def pnp_pose(views: Sequence[ViewMatches], focal: float, scales: FloatArray | No
     options = [
         ScaledPose(pose, float(scale))
         for scale in (scales if scales is not None else (1.0,))
-        if (pose := _sample(points, query / scale, focal))
+        if (pose := ransac_pose(points, query / scale, RANSAC_PX / focal, RANSAC_ITERATIONS))
     ]
     if not options:
         return None
     best = min(options, key=lambda option: _cost(option, points, query, focal))
-    return _polish(best, points, query, focal, free_focal=scales is not None)
+    return polish(best, points, query, focal, free_focal=scales is not None)
 
 
-def _sample(points: FloatArray, query: FloatArray, focal: float) -> Pose | None:
+def ransac_pose(points: FloatArray, observed: FloatArray, tolerance: float, rounds: int) -> Pose | None:
+    """The pose under which most `points` (N, 3) fall within `tolerance` of `observed` (N, 2), both in ideal image-plane
+    coordinates, after at most `rounds` samples; None where there is no such pose.
+    """
     try:
         ok, rotation, translation, _ = cv2.solvePnPRansac(
-            points,
-            query,
+            np.ascontiguousarray(points, np.float64),
+            np.ascontiguousarray(observed, np.float64),
             np.eye(3),
             None,
-            iterationsCount=RANSAC_ITERATIONS,
-            reprojectionError=RANSAC_PX / focal,
+            iterationsCount=rounds,
+            reprojectionError=tolerance,
             confidence=0.999,
             flags=cv2.SOLVEPNP_AP3P,
         )
-    except cv2.error:  # raised on degenerate points; they hold no pose
+    except cv2.error:  # OpenCV raises it on degenerate points, which hold no pose.
         return None
     if not ok or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
         return None
@@ -96,7 +99,7 @@ def _cost(camera: ScaledPose, points: FloatArray, query: FloatArray, focal: floa
     return float(np.minimum(distance, CAP_PX).mean())
 
 
-def _polish(camera: ScaledPose, points: FloatArray, query: FloatArray, focal: float, free_focal: bool) -> ScaledPose:
+def polish(camera: ScaledPose, points: FloatArray, query: FloatArray, focal: float, free_focal: bool) -> ScaledPose:
     """Robust least squares (Geman-McClure weights) over the pose and, if free, the logarithm of the focal length."""
     count = 7 if free_focal else 6
     for _ in range(POLISH_STEPS):

@@ -13,7 +13,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import IO
@@ -59,6 +59,7 @@ class SpzHeader:
     degree: int
     bits: int
     orientation: Orientation = ORIENTATION
+    declared: bool = False
     toc: int = 0
     streams: tuple[tuple[int, int], ...] = ()
 
@@ -108,16 +109,16 @@ def _read_table(file: IO[bytes], header: SpzHeader, extended: bool, streams: int
     size = os.fstat(file.fileno()).st_size
     if toc < HEADER_V4.size or streams != len(wanted) or toc + streams * TOC_ENTRY.size > size:
         raise SplatFormatError(f"The .spz file's table of {streams} streams does not fit its header; it is damaged.")
-    orientation = _declared_orientation(file, toc) if extended else ORIENTATION
+    declared = _declared_orientation(file, toc) if extended else None
     file.seek(toc)
     table = tuple(TOC_ENTRY.iter_unpack(file.read(streams * TOC_ENTRY.size)))
     if [plain for _, plain in table] != wanted or toc + streams * TOC_ENTRY.size + sum(packed for packed, _ in table) > size:
         raise SplatFormatError("The .spz file's streams are not as long as its header says; it is cut off or damaged.")
-    return SpzHeader(header.version, header.count, header.degree, header.bits, orientation, toc, table)
+    return replace(header, orientation=declared or ORIENTATION, declared=declared is not None, toc=toc, streams=table)
 
 
-def _declared_orientation(file: IO[bytes], end: int) -> Orientation:
-    """What an extension record before byte `end` says of the axes: RUB where none does. Raises SplatFormatError."""
+def _declared_orientation(file: IO[bytes], end: int) -> Orientation | None:
+    """What an extension record before byte `end` says of the axes; None where none does. Raises SplatFormatError."""
     at = HEADER_V4.size
     for _ in range(MAX_RECORDS):
         file.seek(at)
@@ -127,13 +128,13 @@ def _declared_orientation(file: IO[bytes], end: int) -> Orientation:
         if kind == COORDINATES and length == 4:
             return _orientation(int.from_bytes(file.read(4), "little"))
         at += RECORD.size + length
-    return ORIENTATION
+    return None
 
 
-def _orientation(number: int) -> Orientation:
+def _orientation(number: int) -> Orientation | None:
     """Axes as SPZ numbers them: 1 to 8 with y up or down and z front or back, 9 to 16 the same with y and z exchanged."""
-    if number == 0:
-        return ORIENTATION
+    if number == 0:  # "unspecified"
+        return None
     right, up, front, exchanged = (bool(number - 1 >> bit & 1) for bit in range(4))
     if number > 16 or right ^ up ^ front ^ exchanged:
         raise SplatFormatError(

@@ -36,7 +36,9 @@ def detect(header: bytes) -> bool:
 def inspect(path: str | Path) -> SplatInfo:
     """What the header says. Raises SplatFormatError."""
     header = read_spz_header(Path(path))
-    return SplatInfo(f"spz version {header.version}", header.count, min(header.degree, MAX_DEGREE), header.orientation)
+    return SplatInfo(
+        f"spz version {header.version}", header.count, min(header.degree, MAX_DEGREE), header.orientation, header.declared
+    )
 
 
 def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:

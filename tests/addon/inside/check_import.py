@@ -186,9 +186,17 @@ def packed_file(folder, kind):
 @pytest.mark.parametrize(
     ("kind", "words", "up"),
     [
-        ("splat", ["Format: splat", "300 Gaussians, SH degree 0", "Its axes: Y Down"], (0, -1, 0)),
-        ("spz", ["Format: spz version 3", "300 Gaussians, SH degree 2", "Its axes: Y Up"], (0, 1, 0)),
-        ("ply", ["Format: compressed ply", "300 Gaussians, SH degree 1", "Its axes: Y Down"], (0, -1, 0)),
+        ("splat", ["Format: splat", "300 Gaussians, SH degree 0", "Up axis: Y Down"], (0, -1, 0)),
+        (
+            "spz",
+            ["Format: spz version 3", "300 Gaussians, SH degree 2", "Up axis: Y Up"],
+            (0, 1, 0),
+        ),
+        (
+            "ply",
+            ["Format: compressed ply", "300 Gaussians, SH degree 1", "Up axis: Y Down"],
+            (0, -1, 0),
+        ),
     ],
 )
 def test_packed_formats_come_in_upright_by_their_convention(bpy, extension, tmp_path, kind, words, up):
@@ -197,6 +205,7 @@ def test_packed_formats_come_in_upright_by_their_convention(bpy, extension, tmp_
     from core.splats import read_splats
 
     path = packed_file(tmp_path, kind)
+    words[-1] += ", as is usual for this format"  # a guess, told as one
     assert extension("gssmc_addon.splat.importer").describe(str(path)) == words
     assert bpy.ops.gssmc.import_splats(filepath=str(path)) == {"FINISHED"}
     obj = bpy.context.scene.gssmc.splat
@@ -205,6 +214,18 @@ def test_packed_formats_come_in_upright_by_their_convention(bpy, extension, tmp_
     got, wanted = extension("gssmc_addon.splat.copy").read_splat(obj), read_splats(path)
     for name in ("means", "scales", "rotations", "opacities", "sh"):
         np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
+
+
+@pytest.mark.parametrize("declared", [True, False])
+def test_the_dialog_tells_what_the_file_says_from_what_is_usual(extension, tmp_path, declared):
+    import struct
+
+    from splat_files import spz4_bytes, spz_rows
+
+    path, coordinates, frame = tmp_path / "scan.spz", 0xADBE0003, 4
+    path.write_bytes(spz4_bytes(spz_rows(30, 1), 1, records=struct.pack("<III", coordinates, 4, frame if declared else 0)))
+    told = extension("gssmc_addon.splat.importer").describe(str(path))[-1]
+    assert told.endswith("as the file says" if declared else "as is usual for this format"), told
 
 
 def test_the_dialog_says_why_a_file_cannot_be_imported(extension, tmp_path):

@@ -51,6 +51,16 @@ def test_blender_imports_what_was_exported_where_it_stood(bpy, native, tmp_path)
         np.testing.assert_allclose(again.data.attributes["position"].data[k].vector, want, atol=1e-4)
 
 
+def test_it_is_turned_upright(bpy, native):
+    """Blender leaves the object as the file lies: with y down, on its side."""
+    if "up_axis" not in dir(bpy.ops.gssmc):
+        pytest.skip("this build cannot change the up axis after the import")
+    obj, _ = native
+    assert bpy.ops.gssmc.up_axis(axis="Y_DOWN") == {"FINISHED"}
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(np.array(obj.matrix_world) @ (0, -1, 0, 0), (0, 0, 1, 0), atol=1e-6)
+
+
 @pytest.mark.skipif(not FOX.exists(), reason="the fox scan (../shared/scenes/fox) is not here")
 def test_a_fox_that_blender_imported_is_refined(bpy, tmp_path):
     splat = import_natively(bpy, FOX / "scene.ply")

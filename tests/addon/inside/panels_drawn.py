@@ -19,6 +19,9 @@ class Layout:
         self.said.append(name)
         return SimpleNamespace()
 
+    def operator_menu_enum(self, name, _property, text="", **_):
+        self.said.append(text)
+
     def prop(self, owner, name, **_):
         assert hasattr(owner, name)
         self.said.append(name)

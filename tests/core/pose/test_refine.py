@@ -189,7 +189,7 @@ def test_a_worse_answer_than_the_start_is_not_handed_back(room, photo, monkeypat
 
     def spoilt(pose, views, K):
         good = fit(pose, views, K)
-        return replace(good, pose=Pose.from_centre(good.pose.R, good.pose.centre + 0.03 * DEPTH))
+        return replace(good, pose=Pose.from_centre(good.pose.R, good.pose.centre + 0.003 * DEPTH))
 
     monkeypatch.setattr(loop_module, "fine_pose", spoilt)
     start = Camera(LENS, TRUTH)
