@@ -21,7 +21,7 @@ Stamp = tuple[int, int] | None
 
 
 @dataclass(frozen=True)
-class Query:
+class BatchQuery:
     """A start camera, its photo's file, and its mask's where it has one."""
 
     camera: Camera
@@ -29,7 +29,7 @@ class Query:
     mask: Path | None = None
 
 
-def query_keys(scan: Path, queries: Sequence[Query], settings: RefineSettings) -> list[str]:
+def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettings) -> list[str]:
     """Per query, the digest of the scan's content, of what the photo and mask are now, of the settings with the model files
     they name, and of the start. Two equal queries share a key, and then an answer. Raises SplatFormatError.
     """

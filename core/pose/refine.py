@@ -14,7 +14,7 @@ from ..features.frontend import Frontend, make_frontend
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
-from .final.solution import Solution, from_epipolar
+from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
 from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
@@ -125,10 +125,10 @@ class _Refinement:
 
     def finish(
         self, photo: PhotoFeatures, answer: Answer, iterations: int, rng: np.random.Generator
-    ) -> Generator[RefineProgress, None, tuple[Solution, FinalView]]:
+    ) -> Generator[RefineProgress, None, tuple[FittedCamera, FinalView]]:
         """The last stage after the loop, and the independent look at what it gave."""
         image = photo.image.with_intrinsics(answer.intrinsics)
-        solution: Solution | None = None
+        solution: FittedCamera | None = None
         if self.settings.has_final_stage:
             solution = yield from self._final(answer, iterations, rng)
         yield RefineProgress(iterations, self.settings.iterations, "checking the answer", 0.97)
@@ -140,7 +140,7 @@ class _Refinement:
 
     def _final(
         self, answer: Answer, iterations: int, rng: np.random.Generator
-    ) -> Generator[RefineProgress, None, Solution | None]:
+    ) -> Generator[RefineProgress, None, FittedCamera | None]:
         photo = WorkingPhoto.of(self.photo, self.start.intrinsics, self.settings.final_long_side_px)
         size = (photo.intrinsics.width, photo.intrinsics.height)
         start = LensCamera(answer.fit.pose, answer.intrinsics.resized(*size))
@@ -150,7 +150,7 @@ class _Refinement:
             try:
                 step = next(work)
             except StopIteration as end:
-                solution: Solution | None = end.value
+                solution: FittedCamera | None = end.value
                 return solution
             fraction += 0.05 * (0.97 - fraction)  # the number of passes is not known beforehand
             yield RefineProgress(iterations, self.settings.iterations, step, fraction)
@@ -163,7 +163,7 @@ class _Refinement:
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
         return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
 
-    def judge(self, answer: Answer, solution: Solution, final: FinalView, loop: LoopResult) -> _Judgement:
+    def judge(self, answer: Answer, solution: FittedCamera, final: FinalView, loop: LoopResult) -> _Judgement:
         """The verdict, with the evidence of the pose that is returned, or of the one that is not and why."""
         photo = self.start.intrinsics
         quality = assess(solution, LoopMatches(answer.views, answer.intrinsics.pinhole(), answer.median_depth), final, photo)
@@ -182,7 +182,7 @@ class _Refinement:
         judgement: _Judgement,
         records: Sequence[IterationRecord],
         began: float,
-        solution: Solution | None = None,
+        solution: FittedCamera | None = None,
     ) -> RefineReport:
         seconds = time.perf_counter() - began
         reasons = judgement.reasons

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..geometry.conventions import HALF_PIXEL
 from . import constants as c
-from .project import FEATURES, L1, L2, L3, LOG_OPACITY, MX, MY, ROW, TILE, Z
+from .columns import BLEND_COLUMNS, BlendColumn
+from .project import TILE
 from .tiles import TileLists
 
 Float32Array = NDArray[np.float32]
@@ -67,7 +68,7 @@ class TileBatch:
 
 @dataclass(frozen=True, eq=False)
 class PairSegment:
-    """The parameters of the next pairs of every tile: rows (depth, n, ROW) of the table with relative depths, and the
+    """The parameters of the next pairs of every tile: rows (depth, n, BLEND_COLUMNS) of the table with relative depths, and the
     coefficients (6, pairs and padding) of their exponents.
     """
 
@@ -86,8 +87,8 @@ class Scratch:
 
     def __init__(self) -> None:
         pairs = SEGMENT_PAIRS + GEMM_ROWS
-        self.rows = np.empty((pairs, ROW), np.float32)
-        self.columns = np.empty(ROW * pairs, np.float32)
+        self.rows = np.empty((pairs, BLEND_COLUMNS), np.float32)
+        self.columns = np.empty(BLEND_COLUMNS * pairs, np.float32)
         self.work = np.empty(3 * pairs, np.float32)
         self.weights = np.empty((ROUND_PAIRS + GEMM_ROWS, PIXELS), np.float32)
         self.transmittance = np.empty(2 * ROUND_PAIRS * PIXELS, np.float32)
@@ -100,7 +101,7 @@ def blend_tiles(work: BlendWork, batch: TileBatch, scratch: Scratch) -> None:
     table, lists, image = work.table, work.lists, work.image
     live, transmittance = batch.tiles, batch.inside
     state = np.stack([lists.start[live], lists.count[live]])  # next list entry, entries left
-    z0 = image.z0[live] = table[lists.splats[state[0]], Z]
+    z0 = image.z0[live] = table[lists.splats[state[0]], BlendColumn.Z]
     offset = np.concatenate([batch.centre, z0[None]])
     sums = np.zeros((len(live), CHANNELS, PIXELS), np.float32)
     while len(live):
@@ -137,7 +138,7 @@ def _blend_segment(
         end = min(begin + step, depth)
         weights = _alpha(coefficients[:, begin * tiles :], (end - begin, tiles), scratch)
         transmittance, alive = _composite(weights, transmittance, alive, scratch)
-        sums += np.matmul(rows[begin:end].transpose(1, 2, 0)[:, FEATURES:, :], weights.transpose(1, 0, 2))
+        sums += np.matmul(rows[begin:end].transpose(1, 2, 0)[:, BlendColumn.FEATURES :, :], weights.transpose(1, 0, 2))
         # only where half of the pixels have ended can half of the tiles be opaque
         if 2 * np.count_nonzero(alive) < alive.size and 2 * np.count_nonzero(_seeing(alive)) < tiles:
             break
@@ -164,26 +165,26 @@ def _coefficients(table: Float32Array, g: NDArray[np.int32], offset: Float32Arra
     padded = pairs + GEMM_ROWS  # a round's matrix product reads up to one block beyond its pairs
     rows = scratch.rows[:pairs]
     table.take(g.ravel(), axis=0, out=rows, mode="clip")
-    columns = scratch.columns[: ROW * padded].reshape(ROW, padded)
-    cv2.transpose(rows[:, :FEATURES], columns[:FEATURES, :pairs])
-    columns[:FEATURES, pairs:] = 0
-    relative = columns[:L1, :pairs].reshape(L1, *g.shape)
+    columns = scratch.columns[: BLEND_COLUMNS * padded].reshape(BLEND_COLUMNS, padded)
+    cv2.transpose(rows[:, : BlendColumn.FEATURES], columns[: BlendColumn.FEATURES, :pairs])
+    columns[: BlendColumn.FEATURES, pairs:] = 0
+    relative = columns[: BlendColumn.L1, :pairs].reshape(BlendColumn.L1, *g.shape)
     relative -= offset[:, None]
-    rows[:, FEATURES + 4] = columns[Z, :pairs]
-    np.square(columns[Z, :pairs], out=rows[:, FEATURES + 5])
+    rows[:, BlendColumn.FEATURES + 4] = columns[BlendColumn.Z, :pairs]
+    np.square(columns[BlendColumn.Z, :pairs], out=rows[:, BlendColumn.FEATURES + 5])
     work = scratch.work[: 3 * padded].reshape(3, padded)
     p, t, s = work
-    l3, linear = columns[L3], columns[FEATURES : FEATURES + 2]
-    np.multiply(columns[MX : MY + 1], columns[L1 : L2 + 1], out=work[:2])
-    np.multiply(columns[MY], l3, out=s)
+    l3, linear = columns[BlendColumn.L3], columns[BlendColumn.FEATURES : BlendColumn.FEATURES + 2]
+    np.multiply(columns[BlendColumn.X : BlendColumn.Y + 1], columns[BlendColumn.L1 : BlendColumn.L2 + 1], out=work[:2])
+    np.multiply(columns[BlendColumn.Y], l3, out=s)
     p += t
-    np.multiply(columns[L1 : L2 + 1], p, out=linear)
+    np.multiply(columns[BlendColumn.L1 : BlendColumn.L2 + 1], p, out=linear)
     np.multiply(s, l3, out=t)
     linear[1] += t
     np.square(work, out=work)
-    columns[LOG_OPACITY] -= p
-    columns[LOG_OPACITY] -= s
-    return PairSegment(rows.reshape(*g.shape, ROW), columns[LOG_OPACITY : FEATURES + 2])
+    columns[BlendColumn.LOG_OPACITY] -= p
+    columns[BlendColumn.LOG_OPACITY] -= s
+    return PairSegment(rows.reshape(*g.shape, BLEND_COLUMNS), columns[BlendColumn.LOG_OPACITY : BlendColumn.FEATURES + 2])
 
 
 def _alpha(coefficients: Float32Array, shape: tuple[int, ...], scratch: Scratch) -> Float32Array:

@@ -16,7 +16,8 @@ from ..geometry.camera import Intrinsics, Pose
 from ..splats.scene import GaussianScene
 from .blend import CHANNELS, PIXELS, BlendWork, Scratch, TileBatch, TileImage, blend_tiles
 from .color import colors
-from .project import FEATURES, TILE, Splats, View, depth_order, project_chunk
+from .columns import BlendColumn
+from .project import TILE, SplatBuffers, ViewProjection, depth_order, project_chunk
 from .sharing import Workers
 from .tables import CHUNK, SceneTables, build_tables
 from .tiles import Order, TileLists, bin_band, join_bands, plan_batches
@@ -41,7 +42,7 @@ class Renderer:
         self.settings = settings or RenderSettings()
         self._tables = scene if isinstance(scene, SceneTables) else build_tables(scene)
         self._scratches: list[Scratch] = []
-        self._rooms: list[Splats] = []
+        self._buffers: list[SplatBuffers] = []
 
     def render(self, intrinsics: Intrinsics, pose: Pose, should_stop: Callable[[], bool] = _never) -> RenderedView:
         """Render as a pinhole (distortion ignored). `should_stop` is polled often; when it says True, raises Cancelled."""
@@ -51,22 +52,22 @@ class Renderer:
             if should_stop():
                 raise Cancelled("Rendering was cancelled.")
 
-        view = View(self._tables, intrinsics, pose, self.settings.near)
+        view = ViewProjection(self._tables, intrinsics, pose, self.settings.near)
         target = _Target(intrinsics, self._scratches)
         try:
-            splats = self._rooms.pop()
+            splats = self._buffers.pop()
         except IndexError:
-            splats = Splats(len(self._tables))
+            splats = SplatBuffers(len(self._tables))
         with Workers(threads) as workers:
             run = workers.run
             order = self._project(view, splats, run, poll)
             if len(order.slots):
                 for stripe in target.stripes():
                     stripe.draw(splats, order, run, poll)
-        self._rooms.append(splats)
+        self._buffers.append(splats)
         return target.view()
 
-    def _project(self, view: View, splats: Splats, run: Run, poll: Callable[[], None]) -> Order:
+    def _project(self, view: ViewProjection, splats: SplatBuffers, run: Run, poll: Callable[[], None]) -> Order:
         """Fill the splats of a view. The depth order, one thread's work, is found while others evaluate colours."""
         tables, count = self._tables, len(self._tables)
         chunks = 2 * max(1, -(-count // (2 * CHUNK)))  # even and alike, so that two threads end together
@@ -84,7 +85,7 @@ class Renderer:
             if len(index):
                 rgb = colors(tables.color[:, :, part], tables.means[:, part], view.centre, index)
                 own = slice(part.start, part.start + len(index))
-                cv2.transpose(rgb, splats.table[own, FEATURES : FEATURES + 3])
+                cv2.transpose(rgb, splats.table[own, BlendColumn.FEATURES : BlendColumn.FEATURES + 3])
             return None
 
         found = run(project, parts)
@@ -123,7 +124,7 @@ class _Stripe:
         tiles = (end - begin) * target.columns
         self.image = TileImage(np.zeros((tiles, CHANNELS, PIXELS), np.float32), np.zeros(tiles, np.float32))
 
-    def draw(self, splats: Splats, order: Order, run: Run, poll: Callable[[], None]) -> None:
+    def draw(self, splats: SplatBuffers, order: Order, run: Run, poll: Callable[[], None]) -> None:
         def bin_(band: tuple[int, int]) -> TileLists:
             poll()
             return bin_band(splats, order, self.target.columns, *band)

@@ -182,3 +182,11 @@ def test_functions_take_at_most_five_parameters():
         if len(names) > 5 and node.name != "draw_item":
             crowded.append(f"{name(path)}:{node.lineno} {node.name} takes {len(names)}")
     assert not crowded
+
+
+def test_no_two_classes_share_a_name():
+    """A name in a traceback or a search then leads to one class."""
+    places = {}
+    for path, node in definitions(ast.ClassDef):
+        places.setdefault(node.name, []).append(name(path))
+    assert not {word: found for word, found in places.items() if len(found) > 1}

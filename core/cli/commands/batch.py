@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from ...batch.keys import Query, query_keys
+from ...batch.keys import BatchQuery, query_keys
 from ...batch.queries import find_queries
 from ...batch.store import ResultStore
 from ...cameras import pose_list
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> Outcome:
     for sentence in found.notes:
         note(sentence)
     masks = _mask_files(args.mask, found.photos)
-    queries = [Query(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
+    queries = [BatchQuery(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
     if args.workers < 1:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     _check_paths(args, queries, settings)
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(code, args.scene, results, tuple(found.photos), masks=tuple(masks))
 
 
-def _check_paths(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings) -> None:
+def _check_paths(args: argparse.Namespace, queries: Sequence[BatchQuery], settings: RefineSettings) -> None:
     """Raises UsageError when what is to be written would overwrite what is read."""
     inputs = {
         "the scan": args.scene,
@@ -86,7 +86,7 @@ def _check_paths(args: argparse.Namespace, queries: Sequence[Query], settings: R
     check_outputs({"--out": args.out, "--poses": args.poses}, inputs)
 
 
-def _work(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings, store: ResultStore) -> None:
+def _work(args: argparse.Namespace, queries: Sequence[BatchQuery], settings: RefineSettings, store: ResultStore) -> None:
     jobs = [
         (i, {"camera": camera_to_dict(q.camera), "photo": str(q.photo), "mask": str(q.mask) if q.mask else None})
         for i, q in enumerate(queries)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...batch.refine_one import read_masked_photo, refine_photo
-from ...cameras.files import Start, read_starts
+from ...cameras.files import StartCamera, read_starts
 from ...errors import CameraError, PhotoError
 from ...geometry.camera import Camera
 from ...photos.lens_guess import guess_lens
@@ -90,7 +90,7 @@ def summary(report: RefineReport) -> str:
     return f"{report.verdict} after {len(report.iterations)} iterations, {report.seconds:.1f} s. {' '.join(report.reasons)}"
 
 
-def start_camera(start: Start, photo: Photo) -> Camera:
+def start_camera(start: StartCamera, photo: Photo) -> Camera:
     """The camera to start from, with the lens that the photo suggests where the file tells none, which is said then."""
     guess = guess_lens(photo)
     if start.intrinsics is None:
@@ -98,7 +98,7 @@ def start_camera(start: Start, photo: Photo) -> Camera:
     return replace(start.camera(guess.intrinsics), file=photo.file)
 
 
-def pick_start(file: Path, photo: Path) -> Start:
+def pick_start(file: Path, photo: Path) -> StartCamera:
     """The file's only camera, or the one that names the photo. Raises CameraError when that is nobody, or several."""
     starts = read_starts(file)
     if len(starts) == 1:

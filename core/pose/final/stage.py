@@ -21,7 +21,7 @@ from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
 from .guided import Corners, PosedRender, follow, match_corners, pick_corners
 from .joint import FIT_KINDS, FitKind, JointFit, JointProblem, fit_distortion, fit_joint, held_out_px, rms_gain
-from .solution import Solution, from_joint
+from .solution import FittedCamera, from_joint
 
 log = logging.getLogger(__name__)
 
@@ -56,7 +56,9 @@ class FinalStage:
     prior: Intrinsics
     mode: LensMode
 
-    def run(self, photo: WorkingPhoto, start: LensCamera, rng: np.random.Generator) -> Generator[str, None, Solution | None]:
+    def run(
+        self, photo: WorkingPhoto, start: LensCamera, rng: np.random.Generator
+    ) -> Generator[str, None, FittedCamera | None]:
         """Refines `start` (intrinsics of `photo`) against fresh renders; yields what it is doing, returns None when too little
         is seen. A pass that still moved the camera is repeated from where it ended, because matches are looked for around the
         pose.

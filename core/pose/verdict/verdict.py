@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry.camera import Intrinsics, Pose
-from ..final.solution import Solution
+from ..final.solution import FittedCamera
 from ..report import PoseQuality, Verdict
 from ..shared.matches import ViewMatches
 from . import sentences
@@ -54,7 +54,7 @@ class LoopMatches:
     median_depth: float
 
 
-def assess(solution: Solution, loop: LoopMatches, final: FinalView, photo: Intrinsics) -> PoseQuality:
+def assess(solution: FittedCamera, loop: LoopMatches, final: FinalView, photo: Intrinsics) -> PoseQuality:
     """Gathers the evidence for a solution. `photo`: the camera of the photo at its full size."""
     depth = loop.median_depth
     pose, matched = solution.camera.pose, solution.camera.intrinsics

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.geometry.camera import Intrinsics, Pose
-from core.pose.final.solution import Solution
+from core.pose.final.solution import FittedCamera
 from core.pose.report import PoseQuality
 from core.pose.report_json import quality_to_dict
 from core.pose.shared.lens import LensCamera
@@ -124,7 +124,7 @@ def test_the_rms_has_one_threshold_whatever_the_photo(photo, rms, verdict):
 
 def solution(stage, long_side, rms_px):
     k = Intrinsics(long_side, long_side // 2, 500.0, 500.0, 300.0, 200.0)
-    return Solution(LensCamera(Pose(), k), stage, rms_px, 0.001, 0.01, math.nan, 0.002, 0.01, "fixed")
+    return FittedCamera(LensCamera(Pose(), k), stage, rms_px, 0.001, 0.01, math.nan, 0.002, 0.01, "fixed")
 
 
 @pytest.mark.parametrize(("stage", "long_side", "rms_px"), [("loop", 640, 0.3), ("joint", 1280, 0.6)])
