@@ -37,12 +37,12 @@ def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettin
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
     common = (KEY_VERSION, scan_digest(scan), options, models)
     return [
-        job_key(common, camera_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
+        key_of(common, camera_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
         for q in queries
     ]
 
 
-def job_key(*parts: Any) -> str:
+def key_of(*parts: Any) -> str:
     """A short digest of `parts`, which JSON can hold."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 

@@ -24,7 +24,7 @@ from .refine_one import read_masked_photo, refine_photo
 
 
 def main() -> int:
-    """Serve jobs from stdin on stdout."""
+    """Serve requests from stdin on stdout."""
     requests = Requests()
     cv2.setNumThreads(1)
     first, _ = requests.next()
@@ -38,9 +38,9 @@ def main() -> int:
     requests.answer({"dropped": scene.dropped})
     del scene
     while True:
-        job, _ = requests.next()
-        mask = Path(job["mask"]) if job.get("mask") else None
-        requests.answer(refine_record(renderer, settings, job["camera"], Path(job["photo"]), mask))
+        request, _ = requests.next()
+        mask = Path(request["mask"]) if request.get("mask") else None
+        requests.answer(refine_record(renderer, settings, request["camera"], Path(request["photo"]), mask))
 
 
 def refine_record(

@@ -87,9 +87,9 @@ def _deviations(track: Sequence[FramePose], median_depth: float) -> FloatArray:
         before, after = b.frame - a.frame, c.frame - b.frame
         share = before / (before + after)
         centre = (1 - share) * a.pose.centre + share * c.pose.centre
-        turn = so3_exp(share * so3_log(c.pose.R.T @ a.pose.R)) @ a.pose.R.T
+        rotation = so3_exp(share * so3_log(c.pose.R.T @ a.pose.R)) @ a.pose.R.T
         distance = float(np.linalg.norm(b.pose.centre - centre)) / (STRAY_RATIO * median_depth)
-        angle = rotation_angle_deg(turn @ b.pose.R) / STRAY_DEG
+        angle = rotation_angle_deg(rotation @ b.pose.R) / STRAY_DEG
         out.append(float(np.hypot(distance, angle)) / max(1.0, before * after / spacing**2))
     return np.array(out)
 
@@ -110,19 +110,19 @@ def smooth(track: Sequence[FramePose], over_frames: float) -> list[Pose]:
     weight = np.array([p.weight for p in track]) * np.gradient(frames)
     solve = splu((diags_array(weight) + bend.T @ bend).tocsc()).solve
     centres = solve(weight[:, None] * np.stack([p.pose.centre for p in track]))
-    turns = [p.pose.R.T for p in track]  # camera to world
-    measured = list(turns)
+    rotations = [p.pose.R.T for p in track]  # camera to world
+    measured = list(rotations)
     # The last entry of a row of `bend` multiplies the difference x_{j+1} - x_j, and minus the first one that of x_j - x_{j-1};
     # of rotations, these differences are angular velocities times the time between the frames.
     outer = bend.diagonal(2) * np.diff(frames)[1:]
     for _ in range(ROTATION_STEPS):
-        pull = np.stack([so3_log(z @ r.T) for z, r in zip(measured, turns, strict=True)])
-        bending = outer[:, None] * np.diff(_velocities(turns, frames), axis=0)
+        pull = np.stack([so3_log(z @ r.T) for z, r in zip(measured, rotations, strict=True)])
+        bending = outer[:, None] * np.diff(_velocities(rotations, frames), axis=0)
         step = solve(weight[:, None] * pull - bend.T @ bending)
-        turns = [so3_exp(d) @ r for d, r in zip(step, turns, strict=True)]
+        rotations = [so3_exp(d) @ r for d, r in zip(step, rotations, strict=True)]
         if np.abs(step).max() < ROTATION_DONE:
             break
-    return [Pose.from_centre(r.T, c) for r, c in zip(turns, centres, strict=True)]
+    return [Pose.from_centre(r.T, c) for r, c in zip(rotations, centres, strict=True)]
 
 
 def _second_difference(frames: FloatArray) -> Any:
@@ -135,9 +135,9 @@ def _second_difference(frames: FloatArray) -> Any:
     return diags_array(entries, offsets=(0, 1, 2), shape=(len(frames) - 2, len(frames)))
 
 
-def _velocities(turns: Sequence[FloatArray], frames: FloatArray) -> FloatArray:
+def _velocities(rotations: Sequence[FloatArray], frames: FloatArray) -> FloatArray:
     """Angular velocity in the world between one frame and the next (N - 1, 3), radians per frame."""
-    steps = np.stack([so3_log(b @ a.T) for a, b in itertools.pairwise(turns)])
+    steps = np.stack([so3_log(b @ a.T) for a, b in itertools.pairwise(rotations)])
     return np.asarray(steps / np.diff(frames)[:, None])
 
 
@@ -153,11 +153,11 @@ def interpolate(track: Sequence[FramePose], frames: Sequence[int]) -> list[Pose]
         return [track[0].pose for _ in frames]
     from scipy.interpolate import CubicHermiteSpline
 
-    centres, turns = np.stack([p.pose.centre for p in track]), [p.pose.R.T for p in track]
+    centres, rotations = np.stack([p.pose.centre for p in track]), [p.pose.R.T for p in track]
     speed = _at_knots(np.diff(centres, axis=0) / np.diff(times)[:, None], times)
-    spin = _at_knots(_velocities(turns, times), times)
+    spin = _at_knots(_velocities(rotations, times), times)
     # Between two frames the rotation is a cubic in the tangent space of the first frame's rotation.
-    vectors = [so3_log(b @ a.T) for a, b in itertools.pairwise(turns)]
+    vectors = [so3_log(b @ a.T) for a, b in itertools.pairwise(rotations)]
     turning = [
         CubicHermiteSpline(times[i : i + 2], [np.zeros(3), phi], [spin[i], left_jacobian_inverse(phi) @ spin[i + 1]])
         for i, phi in enumerate(vectors)
@@ -165,7 +165,7 @@ def interpolate(track: Sequence[FramePose], frames: Sequence[int]) -> list[Pose]
     out = []
     segments = np.clip(np.searchsorted(times, frames, side="right") - 1, 0, len(times) - 2).tolist()
     for frame, i, centre in zip(frames, segments, CubicHermiteSpline(times, centres, speed)(frames), strict=True):
-        out.append(Pose.from_centre((so3_exp(turning[i](frame)) @ turns[i]).T, centre))
+        out.append(Pose.from_centre((so3_exp(turning[i](frame)) @ rotations[i]).T, centre))
     return out
 
 

@@ -46,9 +46,9 @@ class ProcessRenderer:
         """Raises nothing where no process can be started: all views are drawn here then."""
         count = min(settings.threads or os.cpu_count() or 1, MAX_PROCESSES)
         tables = build_tables(scene)
-        self._team = _Team(count, interactive, start)
-        self._finish = weakref.finalize(self, _Team.close, self._team)
-        self._team.begin(tables, settings.near)
+        self._children = _Children(count, interactive, start)
+        self._finish = weakref.finalize(self, _Children.close, self._children)
+        self._children.begin(tables, settings.near)
         self._here = Renderer(tables, RenderSettings(settings.near, threads=1))
         self._sole = None if interactive else Renderer(tables, settings)
 
@@ -69,21 +69,21 @@ class ProcessRenderer:
 
     def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
         """Render as a pinhole (distortion ignored). Raises Cancelled when this was closed."""
-        while (channel := self._team.take()) is not None:
+        while (channel := self._children.take()) is not None:
             try:
                 view = _ask(channel, intrinsics, pose)
             except ChildEndedError as end:
-                self._team.lose(channel, end)
+                self._children.lose(channel, end)
                 continue
             except BaseException as error:
-                self._team.lose(channel, error)  # its channel has ended it
+                self._children.lose(channel, error)  # its channel has ended it
                 raise
-            self._team.give_back(channel)
+            self._children.give_back(channel)
             return view
         try:
             return self._here.render(intrinsics, pose)
         finally:
-            self._team.give_back(None)
+            self._children.give_back(None)
 
 
 def _ask(channel: Channel, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
@@ -94,7 +94,7 @@ def _ask(channel: Channel, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
     return RenderedView(*images)
 
 
-class _Team:
+class _Children:
     """Who draws: children that are ready, and `here`, how many more views may be drawn in this process meanwhile.
 
     A child takes over one of the views of `here` when it comes up, and gives that back when it ends, so that there are never

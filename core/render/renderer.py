@@ -18,7 +18,7 @@ from .blend import CHANNELS, PIXELS, BlendWork, Scratch, TileBatch, TileImage, b
 from .color import colors
 from .columns import BlendColumn
 from .project import TILE, SplatBuffers, ViewProjection, depth_order, project_chunk
-from .sharing import Workers
+from .sharing import ThreadTeam
 from .tables import CHUNK, SceneTables, build_tables
 from .tiles import Order, TileLists, bin_band, join_bands, plan_batches
 from .view import RenderedView, RenderSettings
@@ -58,8 +58,8 @@ class Renderer:
             splats = self._buffers.pop()
         except IndexError:
             splats = SplatBuffers(len(self._tables))
-        with Workers(threads) as workers:
-            run = workers.run
+        with ThreadTeam(threads) as team:
+            run = team.run
             order = self._project(view, splats, run, poll)
             if len(order.slots):
                 for stripe in target.stripes():

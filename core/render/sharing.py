@@ -33,7 +33,7 @@ def quick_handover() -> Iterator[None]:
         sys.setswitchinterval(before)
 
 
-class Workers:
+class ThreadTeam:
     """`threads` threads, the caller's among them: one that only waited would wake for the interpreter lock at every result."""
 
     def __init__(self, threads: int) -> None:
@@ -41,7 +41,7 @@ class Workers:
         self.pool = ThreadPoolExecutor(max(1, self.helpers))
         self.handover = quick_handover() if self.helpers else contextlib.nullcontext()
 
-    def __enter__(self) -> Workers:
+    def __enter__(self) -> ThreadTeam:
         self.handover.__enter__()
         return self
 

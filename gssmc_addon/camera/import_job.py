@@ -120,7 +120,7 @@ class CameraImport(Job):
         if scene is None or jobs.by_uid(scene.objects, self._splat) is None:
             raise CameraError(rpt_("The splat or its scene was removed while cameras were imported; import them again."))
 
-    def note(self, news: float) -> None:
+    def on_progress(self, news: float) -> None:
         self.fraction = READING * news
 
     def advance(self) -> CameraImport | None:

@@ -128,7 +128,7 @@ def fit_camera(context: bpy.types.Context, camera: bpy.types.Object, loaded: Loa
     else:
         data.gssmc.lens_state = "GUESSED"
         notes.append(_lens_from_exif(scene, data, photo))
-    camera_props.note_verdict(data, "none", (), 0, 0.0)
+    camera_props.write_verdict(data, "none", (), 0, 0.0)
     return notes
 
 

@@ -88,7 +88,7 @@ class RefineJob(Job):
     def close(self) -> None:
         self.inputs.splat.close()
 
-    def note(self, news: RefineProgress) -> None:
+    def on_progress(self, news: RefineProgress) -> None:
         self.fraction, self.step = news.fraction, news.step[:1].upper() + news.step[1:]
         self.detail = iface_("Iteration {number} of {count}", number=max(news.iteration, 1), count=news.iterations)
 
@@ -166,7 +166,7 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
         if camera == scene.camera:
             photo_camera.stop_moving_with_view()
     else:
-        camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
+        camera_props.write_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)

@@ -19,9 +19,9 @@ from ...pose.report_json import report_to_dict
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ...support.atomic import atomic_write
-from ..console import note, say
+from ..console import message, say
+from ..dropped import say_dropped
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
-from ..notes import say_dropped
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..progress import ProgressBar
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> Outcome:
     check_outputs({"--out": args.out}, inputs)
     photo = read_masked_photo(args.photo, mask)
     for remark in photo.notes:
-        note(remark)
+        message(remark)
     camera = start_camera(pick_start(args.camera, args.photo), photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
@@ -94,7 +94,7 @@ def start_camera(start: StartCamera, photo: Photo) -> Camera:
     """The camera to start from, with the lens that the photo suggests where the file tells none, which is said then."""
     guess = guess_lens(photo)
     if start.intrinsics is None:
-        note(f"The start tells no lens: {guess.words}.")
+        message(f"The start tells no lens: {guess.assumption}.")
     return replace(start.camera(guess.intrinsics), file=photo.file)
 
 

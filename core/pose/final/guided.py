@@ -58,7 +58,7 @@ def pick_corners(photo: WorkingPhoto, pose: Pose, view: RenderedView) -> Corners
     side = 2 * BORDER_PX + 1
     mask = cv2.erode(solid.astype(np.uint8), np.ones((side, side), np.uint8), borderValue=0)
     spacing = max(photo.raw.shape) * SPACING
-    # None where nothing is found, whatever its stub says.
+    # OpenCV returns None where it finds nothing, although its type stub denies it.
     found: Any = cv2.goodFeaturesToTrack(photo.aligned, MAX_CORNERS, CORNER_QUALITY, spacing, mask=mask)
     pixels = np.zeros((0, 2)) if found is None else from_opencv_pixels(np.reshape(found, (-1, 2)))
     depth, _ = depth_at(view, pixels)

@@ -51,9 +51,9 @@ class JointProblem:
         `query` coordinates were made.
         """
         known = [v.take(np.isfinite(v.depth) & (v.depth > 0)) for v in views]
-        seen = [intrinsics.project(bearings(v.query)) for v in known]
+        observed = [intrinsics.project(bearings(v.query)) for v in known]
         counts = np.array([len(v) for v in known], np.int64)
-        return cls(Lifted.of(known, seen), density_weights(np.concatenate(seen), intrinsics), counts, prior, mode)
+        return cls(Lifted.of(known, observed), density_weights(np.concatenate(observed), intrinsics), counts, prior, mode)
 
     def part(self, keep: slice) -> JointProblem:
         """The same problem on some of the views."""
@@ -87,14 +87,14 @@ class JointFit:
         return [fit_joint(self.camera, self.problem.part(slice(i, None, 2)), self.kind).camera for i in (0, 1)]
 
 
-def density_weights(seen: FloatArray, k: Intrinsics) -> FloatArray:
-    """Weights (M,) of the matches seen at the pixels `seen` (M, 2): a cell of the photo that holds n, over all views, weighs
-    n / (1 + c n).
+def density_weights(observed: FloatArray, k: Intrinsics) -> FloatArray:
+    """Weights (M,) of matches whose pixels in the photo are `observed` (M, 2): a cell of the photo that holds n of them, over
+    all views, weighs n / (1 + c n).
 
     A splat that is a little off at a place is so in every view and for every match there; counted as independent, a
     textured corner would outvote the rest of the photo.
     """
-    cells = np.floor(seen / (max(k.width, k.height) / CELLS)).astype(np.int64) @ (1, 4 * CELLS)
+    cells = np.floor(observed / (max(k.width, k.height) / CELLS)).astype(np.int64) @ (1, 4 * CELLS)
     _, index, count = np.unique(cells, return_inverse=True, return_counts=True)
     return np.asarray(1 / (1 + CELL_CORRELATION * count[index]))
 

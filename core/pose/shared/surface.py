@@ -39,6 +39,6 @@ def sample(image: NDArray[np.float32], pixels: FloatArray) -> FloatArray:
     """`image` (H, W) at `pixels` (N, 2), bilinear, as float64 (N,)."""
     if len(pixels) == 0:
         return np.zeros(0)
-    at = np.ascontiguousarray(to_opencv_pixels(pixels), np.float32)
-    found = cv2.remap(image, at[:, :1], at[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(found, np.float64).ravel()
+    places = np.ascontiguousarray(to_opencv_pixels(pixels), np.float32)
+    values = cv2.remap(image, places[:, :1], places[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(values, np.float64).ravel()

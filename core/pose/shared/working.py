@@ -72,13 +72,13 @@ def exposed(pixels: NDArray[np.uint8], size: tuple[int, int], mask: BoolArray | 
     of the result) leaves out does not count; a photo without any contrast stays as it is.
     """
     grey = _scaled(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), size)
-    seen = mask if mask is not None and mask.any() else np.ones(grey.shape, bool)
-    low, high = np.percentile(grey[seen], TAILS)
+    usable = mask if mask is not None and mask.any() else np.ones(grey.shape, bool)
+    low, high = np.percentile(grey[usable], TAILS)
     if high - low >= NARROW or high <= low:
         return np.asarray(grey, np.uint8)
     # from the pixels anew: averaging finds levels between those that rounding left
     fine = _scaled(cv2.cvtColor(pixels.astype(np.float32), cv2.COLOR_RGB2GRAY), size)
-    low, high = np.percentile(fine[seen], TAILS)
+    low, high = np.percentile(fine[usable], TAILS)
     bottom, top = STRETCHED
     fine = (fine - low) * ((top - bottom) / max(high - low, 1.0)) + (bottom + 0.5)
     return np.asarray(np.clip(fine, 0, 255), np.uint8)

@@ -69,11 +69,11 @@ def compare(photo: WorkingPhoto, grey: NDArray[np.uint8], solid: NDArray[np.bool
 
 
 def _corners(photo: WorkingPhoto, mask: NDArray[np.uint8]) -> FloatArray:
-    # None where nothing is found, whatever its stub says.
-    found: Any = cv2.goodFeaturesToTrack(photo.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
-    if found is None:
+    # OpenCV returns None where it finds nothing, although its type stub denies it.
+    corners: Any = cv2.goodFeaturesToTrack(photo.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
+    if corners is None:
         return np.zeros((0, 2))
-    return from_opencv_pixels(np.reshape(found, (-1, 2)))
+    return from_opencv_pixels(np.reshape(corners, (-1, 2)))
 
 
 def _correlation(a: NDArray[np.uint8], b: NDArray[np.uint8], mask: NDArray[np.bool_]) -> float:

@@ -90,7 +90,7 @@ def height(bpy, extension, width):
 
 
 def note(extension, scene, *reasons):
-    extension("gssmc_addon.registration.camera_props").note_verdict(scene.camera.data, "check", reasons, 3, 12.5)
+    extension("gssmc_addon.registration.camera_props").write_verdict(scene.camera.data, "check", reasons, 3, 12.5)
 
 
 @pytest.mark.parametrize("width", WIDTHS)

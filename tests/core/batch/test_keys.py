@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, job_key, query_keys, scan_digest
+from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, key_of, query_keys, scan_digest
 from core.errors import SplatFormatError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.pose.settings import RefineSettings
@@ -100,5 +100,5 @@ def test_a_scan_that_cannot_be_read_is_one_sentence(tmp_path):
 
 
 def test_key_changes_with_everything_it_is_made_of():
-    assert job_key("s", 1, {"a": 1, "b": 2}) == job_key("s", 1, {"b": 2, "a": 1})
-    assert len({job_key("s", 1, {}), job_key("s", 2, {}), job_key("t", 1, {}), job_key("s", 1, {"a": 0})}) == 4
+    assert key_of("s", 1, {"a": 1, "b": 2}) == key_of("s", 1, {"b": 2, "a": 1})
+    assert len({key_of("s", 1, {}), key_of("s", 2, {}), key_of("t", 1, {}), key_of("s", 1, {"a": 0})}) == 4

@@ -196,7 +196,7 @@ def test_a_part_of_a_problem_is_the_problem_of_those_views():
     views = [v.take(np.arange(len(v)) >= 7 * i) for i, v in enumerate(views)]
     part = JointProblem.of(views, CAMERA, CAMERA).part(slice(1, None, 2))
     want = JointProblem.of(views[1::2], CAMERA, CAMERA)
-    for got, expected in ((part.matches.points, want.matches.points), (part.matches.seen, want.matches.seen)):
+    for got, expected in ((part.matches.points, want.matches.points), (part.matches.observed, want.matches.observed)):
         np.testing.assert_array_equal(got, expected)
     np.testing.assert_array_equal(part.counts, want.counts)
 
