@@ -31,7 +31,8 @@ log = logging.getLogger(__name__)
 Progress = Generator[RefineProgress, None, "RefineReport"]
 
 MIN_PHOTO_FEATURES = 30
-WORSE_AGREEMENT = 0.05  # share of corners by which a refined camera may fit worse than its start before the start is kept
+# The start is kept where the refined camera agrees with fewer of the photo's corners by more than this share.
+WORSE_AGREEMENT = 0.05
 
 
 def refine(
@@ -152,7 +153,8 @@ class _Refinement:
             except StopIteration as end:
                 solution: FittedCamera | None = end.value
                 return solution
-            fraction += 0.05 * (0.97 - fraction)  # the number of passes is not known beforehand
+            # The number of passes is not known beforehand, so that each takes a share of what is left.
+            fraction += 0.05 * (0.97 - fraction)
             yield RefineProgress(iterations, self.settings.iterations, step, fraction)
 
     def full_size(self, camera: LensCamera) -> Camera:

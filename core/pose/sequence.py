@@ -19,9 +19,11 @@ from ..errors import RefineError
 from ..geometry.camera import FloatArray, Pose, rotation_angle_deg
 from ..geometry.lie import left_jacobian_inverse, so3_exp, so3_log
 
-STRAY_RATIO = 0.02  # of the median depth: less than this off its neighbours' line is no fault
+# A frame that is off the line between its neighbours by less than this share of the median depth is no fault.
+STRAY_RATIO = 0.02
 STRAY_DEG = 1.0
-STRAY_FACTOR = 6.0  # of the usual deviation, which a camera's own acceleration makes
+# A stray frame deviates by more than this multiple of the usual deviation, which is due to the camera's own acceleration.
+STRAY_FACTOR = 6.0
 ROTATION_STEPS = 20
 ROTATION_DONE = 1e-12  # radians
 

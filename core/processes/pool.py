@@ -17,8 +17,10 @@ from .child import ONE_THREAD, Child
 log = logging.getLogger(__name__)
 
 POLL_S = 0.2
-START_LIMIT_S = 3600.0  # to read the scan, which may lie on a slow disk
-TASK_LIMIT_S = 3600.0  # for one photo; one that needs more hangs
+# For reading the scan, which may lie on a slow disk.
+START_LIMIT_S = 3600.0
+# For one photo. A worker that needs longer hangs.
+TASK_LIMIT_S = 3600.0
 
 Record = dict[str, Any]
 Task = tuple[int, Record]
@@ -80,7 +82,8 @@ class Pool:
         running, count, came_up = len(self._threads), 0, False
         while count < len(tasks):
             try:
-                item = queues.done.get(timeout=POLL_S)  # a wait without end would not hear Ctrl-C on every system
+                # Not every system interrupts a wait without a time limit at Ctrl-C.
+                item = queues.done.get(timeout=POLL_S)
             except queue.Empty:
                 continue
             if isinstance(item, _Ended):

@@ -26,13 +26,19 @@ PIXELS = TILE * TILE
 ROUND_PAIRS = (
     8192  # pairs per round: two buffers of 2 MB; larger calls pass the interpreter lock less often but leave the cache
 )
-SEGMENT_PAIRS = 49152  # pairs whose parameters are gathered at once, for several rounds
-DEPTH_MAX = 255  # levels of a round: tiles turn opaque, and a byte counts the levels before a pixel ends
-GEMM_ROWS = 512  # OpenBLAS starts threads of its own only above M N K = 262144; 512 x 64 x 6 stays below
-EXPONENT_MIN = -60.0  # far under 1/255; cv2.exp is slow where it underflows
+# Pairs of splat and tile whose parameters are gathered at once, for several rounds.
+SEGMENT_PAIRS = 49152
+# Most levels of a round. Tiles turn opaque meanwhile, and a byte counts the levels before a pixel ends.
+DEPTH_MAX = 255
+# OpenBLAS starts threads of its own only above M N K = 262144, and 512 x 64 x 6 stays below that.
+GEMM_ROWS = 512
+# Far below 1/255. The bound is there because cv2.exp is slow where it underflows.
+EXPONENT_MIN = -60.0
 LOG_ALPHA_MAX = float(np.log(np.float32(c.ALPHA_MAX)))
-SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))  # cv2's test is "greater", ours "at least"
-CHANNELS = 6  # r, g, b, 1, z - z0, (z - z0)^2
+# OpenCV's threshold keeps what is greater, and the rule here is "at least", hence the next smaller number.
+SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))
+# Red, green, blue, 1, z - z0 and (z - z0)^2.
+CHANNELS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +106,8 @@ def blend_tiles(work: BlendWork, batch: TileBatch, scratch: Scratch) -> None:
     """Composites the tiles of a batch into the image."""
     table, lists, image = work.table, work.lists, work.image
     live, transmittance = batch.tiles, batch.inside
-    state = np.stack([lists.start[live], lists.count[live]])  # next list entry, entries left
+    # The next entry of each tile's list, and how many entries are left.
+    state = np.stack([lists.start[live], lists.count[live]])
     z0 = image.z0[live] = table[lists.splats[state[0]], BlendColumn.Z]
     offset = np.concatenate([batch.centre, z0[None]])
     sums = np.zeros((len(live), CHANNELS, PIXELS), np.float32)
@@ -139,7 +146,7 @@ def _blend_segment(
         weights = _alpha(coefficients[:, begin * tiles :], (end - begin, tiles), scratch)
         transmittance, alive = _composite(weights, transmittance, alive, scratch)
         sums += np.matmul(rows[begin:end].transpose(1, 2, 0)[:, BlendColumn.FEATURES :, :], weights.transpose(1, 0, 2))
-        # only where half of the pixels have ended can half of the tiles be opaque
+        # Half of the tiles can be opaque only where half of the pixels have ended; the cheaper test comes first.
         if 2 * np.count_nonzero(alive) < alive.size and 2 * np.count_nonzero(_seeing(alive)) < tiles:
             break
     return end, _seeing(alive), transmittance
@@ -162,7 +169,8 @@ def _gather_index(splats: NDArray[np.int32], state: IndexArray, depth: int, pad:
 def _coefficients(table: Float32Array, g: NDArray[np.int32], offset: Float32Array, scratch: Scratch) -> PairSegment:
     """The parameters of the pairs whose table rows are g (depth, tiles). offset (3, tiles): what x, y and z are relative to."""
     pairs = g.size
-    padded = pairs + GEMM_ROWS  # a round's matrix product reads up to one block beyond its pairs
+    # The matrix product of a round reads up to one block beyond its pairs.
+    padded = pairs + GEMM_ROWS
     rows = scratch.rows[:pairs]
     table.take(g.ravel(), axis=0, out=rows, mode="clip")
     columns = scratch.columns[: BLEND_COLUMNS * padded].reshape(BLEND_COLUMNS, padded)
@@ -193,7 +201,7 @@ def _alpha(coefficients: Float32Array, shape: tuple[int, ...], scratch: Scratch)
     padded = -(-pairs // GEMM_ROWS) * GEMM_ROWS
     blocks = coefficients[:, :padded].reshape(6, -1, GEMM_ROWS).transpose(1, 2, 0)
     np.matmul(blocks, scratch.basis, out=scratch.weights[:padded].reshape(-1, GEMM_ROWS, PIXELS))
-    # one row: OpenCV splits work between its own threads by rows
+    # The array has one row, because OpenCV shares rows among threads of its own.
     flat = scratch.weights[:pairs].reshape(1, -1)
     np.clip(flat, np.float32(EXPONENT_MIN), np.float32(LOG_ALPHA_MAX), out=flat)
     cv2.exp(flat, flat)
@@ -221,7 +229,7 @@ def _composite(
     still = before[-1] > 0
     ended = np.flatnonzero(alive > still)
     if len(ended):
-        # the Gaussian that would take a pixel below the limit does not count
+        # The Gaussian that would take a pixel below the limit does not count.
         first = (before[1:].take(ended, axis=1) > 0).view(np.uint8).sum(axis=0, dtype=np.uint8)
         passed[first, ended] = 0
     return before[-1].reshape(transmittance.shape), still

@@ -25,7 +25,8 @@ class BlendColumn(IntEnum):
     FEATURES = 10
 
 
-BLEND_COLUMNS = 16  # floats in a row: one cache line, so that a pair of splat and tile costs one miss
+# A row fills one cache line (16 floats), so that reading a pair of splat and tile costs one cache miss.
+BLEND_COLUMNS = 16
 
 
 class EllipseColumn(IntEnum):

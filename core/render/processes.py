@@ -23,10 +23,14 @@ from .view import RenderedView, RenderSettings, ViewRenderer
 
 log = logging.getLogger(__name__)
 
-MAX_PROCESSES = 8  # this one included; a refinement draws six or seven views at a time
-MIN_GAUSSIANS = 20_000  # a smaller scene's views are drawn before a process has come up
-LIMIT_S = 300.0  # for one view, and for mapping the tables; a child that needs more is stuck, and its view is drawn here
-NICE = 3  # how much lower the priority of the children is where this process is interactive: its window comes first
+# This process is one of them. A refinement draws six or seven views at a time.
+MAX_PROCESSES = 8
+# The views of a smaller scene are drawn before a child is ready.
+MIN_GAUSSIANS = 20_000
+# For one view, and for mapping the tables. A child that needs longer is stuck, and its view is drawn in this process.
+LIMIT_S = 300.0
+# Where this process is interactive, the priority of the children is lower by this much, so that the window stays responsive.
+NICE = 3
 StartChild = Callable[[str, Mapping[str, str]], Child]
 
 

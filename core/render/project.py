@@ -23,7 +23,8 @@ Int16Array = NDArray[np.int16]
 IndexArray = NDArray[np.intp]
 
 TILE = 8  # pixels along each side of a tile
-MAX_PIXEL_MARGIN = 1.9  # sqrt(2 ln 255 * 0.3): how far the low-pass alone can carry a Gaussian, pixels
+# sqrt(2 ln 255 * 0.3) pixels: how far the low-pass filter alone can carry a Gaussian.
+MAX_PIXEL_MARGIN = 1.9
 EMPTY_LOG_OPACITY = -120.0
 
 
@@ -59,8 +60,9 @@ class ViewProjection:
         f, middle, half = (np.array(a)[:, None] for a in ((k.fx, k.fy), (k.cx, k.cy), (0.5 * k.width, 0.5 * k.height)))
         low, high = -middle / f, (2 * half - middle) / f
         margin = c.JACOBIAN_MARGIN * half / f
-        limits = np.stack([low - margin, high + margin])  # of x/z and y/z in the Jacobian
-        # longest possible row of the Jacobian times z
+        # The range of x/z and y/z within which the Jacobian is taken.
+        limits = np.stack([low - margin, high + margin])
+        # The greatest length of a row of the Jacobian, times z.
         gain = f * np.hypot(1.0, np.abs(limits).max(axis=0)) * (1 + 1e-5)
         self.f, self.middle, self.gain = (a.astype(np.float32) for a in (f, middle, gain))
         self.limits, self.off_middle = limits.astype(np.float32), (middle - half).astype(np.float32)

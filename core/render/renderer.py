@@ -27,8 +27,10 @@ Float32Array = NDArray[np.float32]
 IndexArray = NDArray[np.intp]
 Run = Callable[..., list[Any]]
 
-BAND_TILES = 1024  # tiles binned at once
-STRIPE_BANDS = 4  # bands whose lists are held at once; nothing here depends on the threads, so neither does the image
+# Tiles that are binned at once.
+BAND_TILES = 1024
+# Bands whose lists are in memory at once. It does not depend on the number of threads, so that the image does not either.
+STRIPE_BANDS = 4
 
 
 def _never() -> bool:
@@ -70,7 +72,8 @@ class Renderer:
     def _project(self, view: ViewProjection, splats: SplatBuffers, run: Run, poll: Callable[[], None]) -> Order:
         """Fill the splats of a view. The depth order, one thread's work, is found while others evaluate colours."""
         tables, count = self._tables, len(self._tables)
-        chunks = 2 * max(1, -(-count // (2 * CHUNK)))  # even and alike, so that two threads end together
+        # The number of chunks is even and their sizes are alike, so that two threads end together.
+        chunks = 2 * max(1, -(-count // (2 * CHUNK)))
         chunk = max(1, -(-count // chunks))
         parts = [slice(start, min(start + chunk, count)) for start in range(0, count, chunk)]
 
@@ -153,7 +156,7 @@ class _Stripe:
         target, (begin, end) = self.target, band
         k, rows, columns = target.k, end - begin, target.columns
         tiles = slice((begin - self.begin) * columns, (end - self.begin) * columns)
-        # moved by rows of a tile, as items of 32 bytes: numpy's inner loop is then a row of tiles, not of 8 floats
+        # The rows of tiles are moved as items of 32 bytes: numpy's inner loop is then a row of tiles instead of 8 floats.
         items = self.image.sums[tiles].view(f"V{4 * TILE}").reshape(rows, columns, -1, TILE).transpose(2, 0, 3, 1)
         image = np.ascontiguousarray(items).view(np.float32)
         image = image.reshape(-1, rows * TILE, columns * TILE)[:, : k.height - begin * TILE, : k.width]

@@ -18,9 +18,12 @@ Int32Array = NDArray[np.int32]
 Int64Array = NDArray[np.int64]
 IndexArray = NDArray[np.intp]
 
-BATCH_PAIRS = 49152  # pairs of a batch: some twenty batches in a photo, so that two threads end together
-LAST_PAIRS = 2 * BATCH_PAIRS  # pairs at the end of a frame that come in batches of a quarter
-TILE_COST = 8  # what a tile counts at least, in pairs; bounds the tiles of a batch
+# Pairs of a batch. A photo has some twenty batches, so that two threads end together.
+BATCH_PAIRS = 49152
+# So many pairs at the end of a frame come in batches of a quarter of the size.
+LAST_PAIRS = 2 * BATCH_PAIRS
+# A tile counts as at least so many pairs, which bounds the number of tiles in a batch.
+TILE_COST = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +126,10 @@ def _span(ellipses: Float32Array, row: Int32Array, columns: int) -> tuple[Int32A
         cv2.transpose(ellipses, s)
     top = row * np.float32(TILE)
     top -= s[EllipseColumn.Y]
-    # the rows at which the ellipse reaches furthest left and right, or the ones nearest to them
+    # The rows at which the ellipse reaches furthest left and right, or the nearest rows to them within the tile.
     dy = s[EllipseColumn.TILT] * np.array([[-1], [1]], np.float32)
     np.clip(dy, top, top + np.float32(TILE - 1), out=dy)
-    # q = (l1 dx + l2 dy)^2 + (l3 dy)^2 <= cut at this dy; the ellipse is convex, so its extreme over the row is here
+    # At this dy, q = (l1 dx + l2 dy)^2 + (l3 dy)^2 <= cut. The ellipse is convex, so that its extreme within the row is here.
     half = dy * s[EllipseColumn.L3]
     np.square(half, out=half)
     np.subtract(s[EllipseColumn.CUT], half, out=half)

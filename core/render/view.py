@@ -14,7 +14,8 @@ from ..splats.scene import GaussianScene
 Float32Array = NDArray[np.float32]
 
 INRIA_NEAR = 0.2  # scene units
-NEAR_RATIO = 0.15  # of the median distance of the Gaussians from their middle
+# A share of the median distance of the Gaussians from their middle.
+NEAR_RATIO = 0.15
 
 
 @dataclass(frozen=True)

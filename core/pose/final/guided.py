@@ -25,9 +25,12 @@ from ..shared.working import WorkingPhoto
 
 MAX_CORNERS = 1500
 CORNER_QUALITY = 0.005
-SPACING = 1 / 120  # of the long side, between corners
-WINDOW = 1 / 38  # of the long side: the patch that is aligned
-MOVE = 1 / 240  # of the long side: how far a corner may lie from where the pose says it is
+# Least distance between corners, as a share of the long side.
+SPACING = 1 / 120
+# Side of the patch that is aligned, as a share of the long side.
+WINDOW = 1 / 38
+# How far a corner may lie from its predicted place, as a share of the long side.
+MOVE = 1 / 240
 MIN_WINDOW_PX, MIN_MOVE_PX = 9, 1.5
 BORDER_PX = 4
 GATE_PX = 4.0

@@ -20,11 +20,16 @@ from .reprojection import Lifted, apply, reproject, whitening
 FitKind = Literal["joint", "epipolar", "depth"]
 FIT_KINDS: tuple[FitKind, ...] = get_args(FitKind)
 
-SCALE = 2.0  # of the Geman-McClure loss, in deviations
-ROUNDS = 4  # of re-estimating deviations around the falling residuals
-CELLS = 20  # cells along the photo's long side
-CELL_CORRELATION = 0.3  # variance that matches of one cell share, as a share of a match's own
-BLOCK = 1024  # columns of one matrix product
+# The scale of the Geman-McClure loss, in standard deviations.
+SCALE = 2.0
+# How often the deviations are estimated again from the falling residuals.
+ROUNDS = 4
+# Number of cells along the photo's long side.
+CELLS = 20
+# The variance that the matches of one cell have in common, as a share of a single match's variance.
+CELL_CORRELATION = 0.3
+# Number of columns in one matrix product.
+BLOCK = 1024
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,8 @@ from ..shared.lens import LensCamera
 from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 
 MIN_DEPTH = 1e-12
-MIN_LENGTH = 1e-9  # of a line, pixels per scene unit; below it is what rounding leaves of none
+# Pixels per scene unit: a shorter derivative is what rounding leaves of none at all.
+MIN_LENGTH = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,8 @@ def whitening(r: Reprojection, sigma_px: FloatArray | float, sigma_depth: FloatA
     `sigma_px` and `sigma_depth` (scene units): one or (M,). An infinite `sigma_depth` lets the component along say nothing.
     """
     length = _length(r.along)
-    flat = length <= MIN_LENGTH  # no line at zero baseline: the depth moves nothing, and both directions count alike
+    # At zero baseline there is no line: the depth moves nothing, and both directions count alike.
+    flat = length <= MIN_LENGTH
     e = np.where(flat, [[0.0], [-1.0]], r.along / np.maximum(length, MIN_LENGTH))
     with np.errstate(invalid="ignore"):
         spread = np.where(flat, 0.0, length * sigma_depth)

@@ -13,7 +13,8 @@ from ..shared.lens import LensCamera, LensMode
 from ..shared.matches import ViewMatches
 from .joint import FitKind, JointFit
 
-SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
+# A direction whose eigenvalue of the information is smaller than this share of the largest one is not determined.
+SINGULAR = 1e-13
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,8 @@ def from_joint(fit: JointFit, depth: float, lens_gain: float) -> FittedCamera:
 
 def _deviations(information: FloatArray, depth: float) -> tuple[float, float, float]:
     """Standard deviations: of the centre (scene units), of the rotation (degrees), of log f (NaN when not free)."""
-    # Unit-free first: translations as shares of the depth are of the size of angles, so that singular means singular.
+    # Translations are first expressed as shares of the depth: they are then of the size of angles, and the ratio of eigenvalues
+    # means the same in every scene.
     scale = np.ones(len(information))
     scale[:3] = depth
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))

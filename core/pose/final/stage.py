@@ -25,14 +25,18 @@ from .solution import FittedCamera, from_joint
 
 log = logging.getLogger(__name__)
 
-MIN_CORNERS = 40  # followed corners in a view; fewer say nothing that the loop's matches did not
+# Fewer followed corners in a view say nothing that the matches of the loop did not say.
+MIN_CORNERS = 40
 MIN_VIEWS = 2
 MAX_PASSES = 3
-SETTLED = 0.003  # of the median depth, and degrees: a pass that moved less than this ends the stage
+# A pass that moved the camera by less than this share of the median depth, and the angle and zoom below, ends the stage.
+SETTLED = 0.003
 SETTLED_DEG = 0.15
 SETTLED_FOCAL = 0.002
-DISTORTION_GAIN = 0.2  # a fall of the RMS by this share says that the photo has a distortion that its lens does not tell of
-AUTO_MARGIN = 0.97  # another fit than the joint one must explain the held-out matches better by this factor
+# If distortion lowers the RMS by this share, the photo has a distortion that the given lens lacks.
+DISTORTION_GAIN = 0.2
+# Another fit replaces the joint one only where its error on the held-out matches is smaller by this factor.
+AUTO_MARGIN = 0.97
 
 
 @contextmanager

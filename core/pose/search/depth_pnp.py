@@ -18,12 +18,14 @@ from ..shared.matches import ViewMatches, world_points
 from ..shared.robust import robust_std
 
 MIN_POINTS = 12
-RANSAC_PX = 6.0  # wide: the depth of another view is off by more than a keypoint is
+# The limit is wide, because a depth rendered in another view is less accurate than a keypoint.
+RANSAC_PX = 6.0
 RANSAC_ITERATIONS = 1000
 CAP_PX = 8.0
 POLISH_STEPS = 20
 MIN_SIGMA_PX = 0.5
-FOCAL_SCALES = np.geomspace(0.6, 1.7, 14)  # next to each other by 8 %; the polish reaches half of that
+# Neighbouring factors differ by 8 per cent, and the polish bridges half of that.
+FOCAL_SCALES = np.geomspace(0.6, 1.7, 14)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from ..shared.least_squares import NormalEquations, levenberg_marquardt
 from ..shared.matches import ViewMatches, bearings
 from ..shared.robust import robust_std
 
-MIN_LINE_NORM = 1e-9  # a view at the very pose of the photo has no lines; this keeps its zeros finite
+# A view at the very pose of the photo has no epipolar lines; this bound keeps the divisions finite.
+MIN_LINE_NORM = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,13 @@ from ..shared.matches import bearings
 from .depth_pnp import FOCAL_SCALES, lifted, pnp_pose
 from .observe import Observation, PhotoFeatures
 
-MIN_SUPPORT = 40  # lifted matches that must land near their pixel before a focal length is believed
+# So many lifted matches must land near their pixel before a focal length is believed.
+MIN_SUPPORT = 40
 SUPPORT_PX = 6.0
-MAX_RATIO = 2.2  # a focal length that has run farther from the guess than this has run away
-SETTLED = 0.04  # a change smaller than this leaves renders and photo at the same scale, as far as matching goes
+# A focal length that differs from the guess by more than this factor is taken for a failure of the fit.
+MAX_RATIO = 2.2
+# A smaller change (of the logarithm) leaves renders and photo at the same scale, as far as matching is concerned.
+SETTLED = 0.04
 NEAR_SCALES = np.geomspace(0.9, 1.1, 3)
 
 

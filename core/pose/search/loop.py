@@ -24,20 +24,27 @@ from .hypotheses import GAUSSIAN_LENGTH, candidate_poses
 from .observe import Observation, PhotoFeatures, observe
 from .solve import UsableView, coarse_pose, fine_matches, fine_pose, keep_distance, usable_views
 
-MIN_OPAQUE = 0.02  # a reference view with less of the scan in it looks away from it
+# A reference view that shows less of the scan than this share of its pixels looks away from it.
+MIN_OPAQUE = 0.02
 LOOKS_AWAY = "The start camera sees almost nothing of the splat; turn it towards the scene and refine again."
 TOO_FEW = (
     "Too few matches between the photo and the splat: the photo may show another place, or the start is too far off; "
     "move the camera closer to the photo's view and refine again."
 )
 WIDEN = 3.0
-MAX_SPREAD = 0.3  # of the median depth; beyond, the candidates leave the place
+# A share of the median depth; candidates farther away would leave the place that is photographed.
+MAX_SPREAD = 0.3
 MAX_SPREAD_DEG = 20.0
-MIN_SEARCH_DEG = 3.0  # a search that keeps looking the same way finds nothing new
-SEARCH_RATIO = 0.9  # of the ratio test while searching: more matches, more of them wrong, which the geometry sorts out
-SEARCH_CANDIDATES = 2  # times the candidates of a narrow fan: in a wide one few look the photo's way
-INSIDE_FAN_DEG = 6.0  # an answer turned less than this from the views matches them as well as it ever will
-LOOP_SHARE = 0.7  # of the whole progress
+# Candidates of a search turn by at least this much, because one that keeps looking the same way finds nothing new.
+MIN_SEARCH_DEG = 3.0
+# The limit of the ratio test while searching: it lets more matches through, and the geometry sorts out the wrong ones.
+SEARCH_RATIO = 0.9
+# A wide fan gets so many times the candidates of a narrow one, because few of them look the photo's way.
+SEARCH_CANDIDATES = 2
+# An answer that is turned by less than this against the rendered views matches them as well as it ever will.
+INSIDE_FAN_DEG = 6.0
+# The share of the whole progress that the loop takes.
+LOOP_SHARE = 0.7
 
 
 @dataclass(frozen=True)

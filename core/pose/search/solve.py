@@ -16,12 +16,15 @@ from .epipolar import EpipolarFit, epipolar_distances, measure_epipolar, refine_
 from .observe import Observation, PhotoFeatures, align_matches
 from .two_view import TwoViewPose, two_view_pose
 
-MIN_VIEW_INLIERS = 15  # an essential matrix on fewer is as often chance as geometry
+# An essential matrix with fewer inliers is as likely to be chance as geometry.
+MIN_VIEW_INLIERS = 15
 RANSAC_PX = 1.0
-GATE_PX = 3.0  # a match within this of the coarse pose's line goes into the fine stage, whatever RANSAC thought of it
+# A match within this distance of its line at the coarse pose goes into the fine stage, also if RANSAC rejected it.
+GATE_PX = 3.0
 MIN_FINE_MATCHES = 12
 MIN_PARALLAX_PX = 3.0
-DEPTH_TOLERANCE = 0.25  # of the depth: a match whose lifted point lands farther off than this allows lies along its line
+# A match may lie along its line as far off as an error of this share of the depth would move it.
+DEPTH_TOLERANCE = 0.25
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ def single_view_pose(view: UsableView) -> Pose | None:
     inliers, relative = view.inliers, view.relative
     s, q = bearings(inliers.view), bearings(inliers.query)
     r = s @ relative.R.T
-    # Depth in the view for a baseline of 1: a q = b r + t, b by cross product with q.
+    # The depths a and b satisfy a q = b r + t for a baseline of 1; the cross product with q gives b, the depth in the view.
     qr, qt = np.cross(q, r), np.cross(q, relative.t)
     with np.errstate(divide="ignore", invalid="ignore"):
         unit_depth = -(qr * qt).sum(1) / (qr * qr).sum(1)
@@ -105,7 +108,7 @@ def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_
     points = pose.transform(world_points(matches))
     with np.errstate(invalid="ignore"):
         offset = np.linalg.norm((points[:, :2] / points[:, 2:] - matches.query) * (K[0, 0], K[1, 1]), axis=1)
-        # Parallax that a depth error of DEPTH_TOLERANCE makes: that share of the pair's own parallax.
+        # The parallax that a depth error of DEPTH_TOLERANCE makes is that share of the pair's own parallax.
         baseline = np.linalg.norm(pose.centre - matches.pose.centre)
         allowed = gate_px + DEPTH_TOLERANCE * focal_of(K) * baseline / np.abs(points[:, 2])
         misplaced = (points[:, 2] <= 0) | (offset > allowed)

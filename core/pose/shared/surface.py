@@ -11,8 +11,10 @@ from ...geometry.conventions import to_opencv_pixels
 from ...render.view import RenderedView
 from .matches import BoolArray
 
-MIN_ALPHA = 0.5  # below this a pixel of the render shows the background as much as the scan
-MIN_DEPTH_STD_RATIO = 1e-3  # of the depth; no rendered depth is known better
+# Below this alpha a pixel of the render shows the background as much as the scan.
+MIN_ALPHA = 0.5
+# No rendered depth is believed to be known better than to this share of it.
+MIN_DEPTH_STD_RATIO = 1e-3
 
 
 def solid_part(view: RenderedView) -> BoolArray:

@@ -21,20 +21,26 @@ from .verify import FinalView
 
 CELLS = 6
 
-MIN_CORNERS = 30  # of the photo over the splat; fewer cannot tell a right pose from a wrong one
-FEWEST_CORNERS = 10  # fewer cannot even support one, whatever they show
+# With fewer corners of the photo over the splat, right poses cannot be told from wrong ones.
+MIN_CORNERS = 30
+# With fewer than this, not even perfect agreement supports a pose.
+FEWEST_CORNERS = 10
 FAILED_AGREEMENT = 0.25
 TRUSTED_AGREEMENT = 0.36
 TRUSTED_VIEWS = 4
 TRUSTED_INLIERS = 100
 TRUSTED_COVERAGE = 0.25
-TRUSTED_RMS_PX = 1.0  # of the photo with a long side of RMS_LONG_SIDE_PX, or of the photo itself where that is smaller
+# In pixels of the photo, reduced to a long side of RMS_LONG_SIDE_PX where it is larger.
+TRUSTED_RMS_PX = 1.0
 RMS_LONG_SIDE_PX = 1280
-TRUSTED_DISAGREEMENT_PCT = 0.5  # of the median depth
+# Per cent of the median depth.
+TRUSTED_DISAGREEMENT_PCT = 0.5
 TRUSTED_DISAGREEMENT_DEG = 0.4
-TRUSTED_STD_PCT = 0.5  # of the median depth
+# Per cent of the median depth.
+TRUSTED_STD_PCT = 0.5
 TRUSTED_FOCAL_STD_PCT = 1.0
-TRUSTED_LENS_GAIN_PCT = 32.0  # on two scans up to 29 with the right lens, 27 to 59 without its distortion
+# On two scans the gain reached 29 per cent with the right lens, and lay between 27 and 59 per cent without its distortion.
+TRUSTED_LENS_GAIN_PCT = 32.0
 
 # A fit's covariance knows the noise of its matches, not where the splat itself is off, which all views share. On two scans the
 # errors of pose and focal length were 1.8 and 2.3 times (RMS) what the last stage's fit said; those of the loop's answer,

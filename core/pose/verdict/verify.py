@@ -23,9 +23,11 @@ from ..shared.working import WorkingPhoto
 
 MAX_CORNERS = 600
 CORNER_QUALITY = 0.01
-# Pixels here are those of the loop's working picture, whose long side is `RefineSettings.long_side_px` or the photo's own.
+# Pixels are those of the picture that the loop works on; its long side is `RefineSettings.long_side_px`, or less where the
+# photo is smaller.
 CORNER_SPACING_PX = 7.0
-STAYED_PX = 1.5  # a corner that moved less than this between photo and render is taken to agree
+# A corner that moved less than this between photo and render counts as agreeing.
+STAYED_PX = 1.5
 FOLLOW = SubpixelAligner(window_px=21, max_move_px=6.0, max_return_px=0.5)
 
 
