@@ -137,7 +137,7 @@ def until(condition, what: str) -> Iterator[float]:
 
 
 def views() -> list:
-    return list(module("gssmc_addon.viewport.handlers")._slot.stage._views.values())
+    return list(module("gssmc_addon.viewport.handlers")._holder.stage._views.values())
 
 
 def shown() -> bool:

@@ -43,7 +43,8 @@ class AddsPicture(PlainOperator, FromFile):
         given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
         image = load()
         camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name, photo)
-        return camera, image, photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)
+        loaded = photo_camera.LoadedPhoto(photo, image, given)
+        return camera, image, photo_camera.fit_camera(context, camera, loaded, self.set_resolution)
 
 
 class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
@@ -64,7 +65,7 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
         context.view_layer.update()  # scripts place objects and expect that to count
         photo = photo_image.read_any_photo(self.filepath)
         camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))
-        photo_list.note(context.scene, camera, photo)
+        photo_list.ensure_entry(context.scene, camera, photo)
         photo_list.pick(context.scene, camera)  # and look through it
         values = {"photo": image.name, "camera": camera.name, "x": photo.width, "y": photo.height}
         return self.done(context, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))

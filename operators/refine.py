@@ -4,7 +4,6 @@ import bpy
 from bpy.props import StringProperty
 
 from ..gssmc_addon.jobs.operator import JobOperator
-from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.refine import job as jobs
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.support import problem
@@ -30,9 +29,8 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
         scene = context.scene
         splat = bpy.data.objects.get(self.splat) if self.splat else scene.gssmc.splat
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
-        photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
         context.view_layer.update()  # scripts set locations and expect them to count
-        job = jobs.gather(scene, splat, camera, photo, settings_props.settings_from(scene.gssmc, self.properties))
+        job = jobs.gather(scene, splat, camera, settings_props.settings_from(scene.gssmc, self.properties))
         problem.begin(self.bl_label)
         return job
 

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..cameras import match_names, queries, read
-from ..cameras.files import Start, read_starts
+from ..cameras.files import StartCamera, read_starts
 from ..cameras.pose_list import checked
 from ..errors import DatasetError, PhotoError, UsageError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 
-UNREAD = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of a photo that cannot be read
+LENS_OF_UNREADABLE = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of a photo that cannot be read
 
 
 @dataclass(frozen=True)
-class Queries:
+class BatchPhotos:
     """Start cameras, whose "file" is the photo's name as the source spells it, and as many photo files; `notes` are sentences
     on what was assumed or left out, for whoever asked.
     """
@@ -27,7 +27,7 @@ class Queries:
     notes: tuple[str, ...] = ()
 
 
-def find_queries(args: argparse.Namespace) -> Queries:
+def find_queries(args: argparse.Namespace) -> BatchPhotos:
     """The queries of a batch's flags. Raises UsageError, DatasetError or CameraError."""
     if args.queries.is_dir():
         found = _from_dataset(args.queries, args.start, args.focal)
@@ -39,7 +39,7 @@ def find_queries(args: argparse.Namespace) -> Queries:
     return found
 
 
-def _from_dataset(folder: Path, start: Path | None, focal: float | None) -> Queries:
+def _from_dataset(folder: Path, start: Path | None, focal: float | None) -> BatchPhotos:
     """Test photos of a scene folder that have a start pose; the others are told and left out."""
     if start is None:
         raise UsageError(f"'{folder.name}' is a data set's folder, which has no start poses; give them with --start POSES.txt.")
@@ -52,10 +52,10 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None) -> Quer
         raise DatasetError(f"'{start.name}' has no start pose for any test photo of '{folder.name}'; give the same scene's.")
     left_out = f"{len(wanted) - len(pairs)} of {len(wanted)} test photos have no start pose in '{start.name}' and are left out."
     cameras = [Camera(query.intrinsics, frame.pose, query.name) for query, frame in pairs]
-    return Queries(cameras, [query.photo.resolve() for query, _ in pairs], (left_out,) if len(pairs) < len(wanted) else ())
+    return BatchPhotos(cameras, [query.photo.resolve() for query, _ in pairs], (left_out,) if len(pairs) < len(wanted) else ())
 
 
-def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Queries:
+def _from_cameras(file: Path, start: Path | None, focal: float | None) -> BatchPhotos:
     """Cameras of a JSON file, each with its photo relative to that file."""
     starts = read_starts(file)
     for flag, value in (("--start", start), ("--focal", focal)):
@@ -66,16 +66,16 @@ def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Querie
             raise UsageError(f"Camera {number} of '{file.name}' names no photo; give it a \"file\".")
     photos = [file.resolve().parent / start_camera.file for start_camera in starts]
     cameras, notes = _with_lenses(starts, photos)
-    return Queries(cameras, photos, notes)
+    return BatchPhotos(cameras, photos, notes)
 
 
-def _with_lenses(starts: list[Start], photos: list[Path]) -> tuple[list[Camera], tuple[str, ...]]:
+def _with_lenses(starts: list[StartCamera], photos: list[Path]) -> tuple[list[Camera], tuple[str, ...]]:
     """The cameras, with lenses by their photos where the file tells none, and what was assumed."""
     cameras: list[Camera] = []
     assumed: list[LensGuess | None] = []
     for start, photo in zip(starts, photos, strict=True):
         guess = _guess(photo) if start.intrinsics is None else None
-        cameras.append(start.camera(guess.intrinsics if guess else UNREAD))
+        cameras.append(start.camera(guess.intrinsics if guess else LENS_OF_UNREADABLE))
         assumed += [guess] if start.intrinsics is None else []
     if not assumed:
         return cameras, ()

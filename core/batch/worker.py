@@ -20,11 +20,11 @@ from ..pose.settings import RefineSettings
 from ..processes.requests import Requests
 from ..render import Renderer, RenderSettings
 from ..splats import read_splats
-from .refine_one import refine_photo
+from .refine_one import read_masked_photo, refine_photo
 
 
 def main() -> int:
-    """Serve jobs from stdin on stdout."""
+    """Serve requests from stdin on stdout."""
     requests = Requests()
     cv2.setNumThreads(1)
     first, _ = requests.next()
@@ -38,9 +38,9 @@ def main() -> int:
     requests.answer({"dropped": scene.dropped})
     del scene
     while True:
-        job, _ = requests.next()
-        mask = Path(job["mask"]) if job.get("mask") else None
-        requests.answer(refine_record(renderer, settings, job["camera"], Path(job["photo"]), mask))
+        request, _ = requests.next()
+        mask = Path(request["mask"]) if request.get("mask") else None
+        requests.answer(refine_record(renderer, settings, request["camera"], Path(request["photo"]), mask))
 
 
 def refine_record(
@@ -49,7 +49,7 @@ def refine_record(
     """The record of one photo; what cannot be used becomes a record that says so."""
     camera = camera_from_dict(camera_dict)
     try:
-        return report_to_dict(refine_photo(renderer, photo, camera, settings, mask=mask))
+        return report_to_dict(refine_photo(renderer, read_masked_photo(photo, mask), camera, settings))
     except GssmcError as error:
         return error_to_dict(camera, str(error))
     except MemoryError:

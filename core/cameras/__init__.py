@@ -8,16 +8,16 @@ from pathlib import Path
 
 from ..errors import DatasetError
 from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
-from .files import Start, read_starts
+from .files import StartCamera, read_starts
 from .names import match_names
-from .types import PosedFrame, PoseSet, Query, Split, short
+from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
 
 __all__ = [
     "LAYOUTS",
     "Layout",
     "PoseSet",
     "PosedFrame",
-    "Query",
+    "QueryPhoto",
     "Split",
     "detect",
     "match_names",
@@ -36,7 +36,7 @@ class Layout:
 
     detect: Callable[[Path], bool]
     read: Callable[[Path, Split], PoseSet]
-    queries: Callable[[Path, float | None], list[Query]] | None = None
+    queries: Callable[[Path, float | None], list[QueryPhoto]] | None = None
 
 
 LAYOUTS: dict[str, Layout] = {
@@ -59,14 +59,14 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     return LAYOUTS[_known(path)].read(path, split)
 
 
-def starts(path: Path) -> list[Start]:
+def starts(path: Path) -> list[StartCamera]:
     """The cameras at `path`, in any layout, as starts of refinements. Raises DatasetError or CameraError."""
     if _known(path) == "cameras":
         return read_starts(path)
-    return [Start(frame.pose, frame.name, frame.intrinsics) for frame in read(path).frames]
+    return [StartCamera(frame.pose, frame.name, frame.intrinsics) for frame in read(path).frames]
 
 
-def queries(path: Path, focal: float | None = None) -> list[Query]:
+def queries(path: Path, focal: float | None = None) -> list[QueryPhoto]:
     """The test photos of a scene folder. Raises DatasetError when it is none that brings its photos and lenses."""
     ask = LAYOUTS[_known(path)].queries
     if ask is None:

@@ -43,7 +43,7 @@ class PoseSet:
 
 
 @dataclass(frozen=True)
-class Query:
+class QueryPhoto:
     """A photo to be placed: its name inside the data set, its file, and its lens."""
 
     name: str

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..features.types import Features
 from ..geometry.camera import Pose
-from .viewpoints.eye import Look
+from .viewpoints.eye import RenderedFeatures
 
 DESCRIPTOR_SCALE = 512.0  # RootSIFT's components are below a half but for degenerate patches; 8 bits lose no match
 
@@ -37,7 +37,7 @@ class MapView:
         return Features(np.zeros((len(self), 2)), self.descriptors.astype(np.float32) * np.float32(1 / DESCRIPTOR_SCALE))
 
     @classmethod
-    def of(cls, look: Look, known: bool = False) -> MapView:
+    def of(cls, look: RenderedFeatures, known: bool = False) -> MapView:
         """The view that `look` saw."""
         scaled = np.rint(look.features.descriptors * np.float32(DESCRIPTOR_SCALE))
         return cls(look.pose, look.points.astype(np.float32), np.clip(scaled, 0, 255).astype(np.uint8), look.depth, known)

@@ -21,7 +21,7 @@ class LensGuess:
     focal_35mm: float | None
 
     @property
-    def words(self) -> str:
+    def assumption(self) -> str:
         """What was assumed, as part of a sentence."""
         if self.focal_35mm is None:
             return f"{DEFAULT_FOV_DEG:g} degrees across the long side are assumed, for the photo tells no focal length"

@@ -61,14 +61,14 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     count = inspect(path).count
     builder = SceneBuilder(count, 1)
     with open(path, "rb") as file:
-        while data := file.read(min(CHUNK_ROWS, count - builder.seen) * RECORD.itemsize):
+        while data := file.read(min(CHUNK_ROWS, count - builder.filled) * RECORD.itemsize):
             rows = np.frombuffer(data[: len(data) // RECORD.itemsize * RECORD.itemsize], RECORD)
             rgba = np.asarray(rows["rgba"].astype(np.float32) / 255, np.float32)
             sh = np.asarray((rgba[:, :3] - 0.5) / SH_C0, np.float32)[:, None]
             rotations = np.asarray(rows["rotation"].astype(np.float32) / 128 - 1, np.float32)
             builder.add_activated(rows["mean"], rows["scale"], rotations, rgba[:, 3], sh)
             if progress is not None:
-                progress(builder.seen / count)
+                progress(builder.filled / count)
     return builder.scene(NAME, ORIENTATION)
 
 

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from ...core import cameras as datasets
-from ...core.cameras.files import Start
+from ...core.cameras.files import StartCamera
 from ...core.cameras.training_world import read_training_world
 from ...core.errors import CameraError, GssmcError
 from ...core.geometry import conventions
@@ -71,7 +71,7 @@ def model_of(path: Path) -> Path:
     return path.parent if path.stem in COLMAP_OTHERS and path.suffix in (".txt", ".bin") else path
 
 
-def _incoming(start: Start, places: Sequence[Path]) -> Incoming | None:
+def _incoming(start: StartCamera, places: Sequence[Path]) -> Incoming | None:
     name = start.file.replace("\\", "/")
     tries = [place / n for place in places for n in (name, Path(name).name)] if name else []
     file = next((f for f in tries if f.is_file()), None)
@@ -120,7 +120,7 @@ class CameraImport(Job):
         if scene is None or jobs.by_uid(scene.objects, self._splat) is None:
             raise CameraError(rpt_("The splat or its scene was removed while cameras were imported; import them again."))
 
-    def note(self, news: float) -> None:
+    def on_progress(self, news: float) -> None:
         self.fraction = READING * news
 
     def advance(self) -> CameraImport | None:

@@ -16,7 +16,7 @@ from ...core.geometry.camera import Intrinsics, Pose, pose_error
 from ...core.pose.report import RefineReport
 from ..photo import image as photo_image
 from ..plate import source as plate_source
-from ..registration.camera_props import note_verdict
+from ..registration.camera_props import write_verdict
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 from . import channels as camera_channels
@@ -60,7 +60,7 @@ def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Obje
     note, image = camera.data.gssmc, photo_image.camera_photo(camera)
     moves = image.source in plate_source.MOVING if image else plate_source.has_clip(camera)
     found = replace(found, points=len(splat.data.points), frame=scene.frame_current if moves else None)
-    note_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
+    write_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
     note.lens_state = found.lens_state
     note.solution, note.solved_photo = camera_record.dumps(found), image
 
@@ -141,7 +141,7 @@ def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     if note.solved_photo and photo_image.camera_photo(camera) != note.solved_photo:
         note.photo = note.solved_photo  # its update shows it
         camera_bridge.write_intrinsics(scene, camera.data, found.camera.intrinsics)
-    note_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
+    write_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
     note.lens_state = found.lens_state
     return keyed
 

@@ -78,22 +78,23 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
         photo = None
     if photo and photo_file:
         image = photo_image.load_image(str(photo_file.resolve()), photo)
-        photo_camera.fit_camera(bpy.context, obj, photo, image, camera, set_resolution=first)
+        loaded = photo_camera.LoadedPhoto(photo, image, camera)
+        photo_camera.fit_camera(bpy.context, obj, loaded, set_resolution=first)
     else:
         scene.camera = obj
         lens = camera.intrinsics
         photo_camera.frame(scene, (lens.width, lens.height), allowed=first, pixel=conventions.pixel_shape(lens))
         camera_bridge.write_camera(scene, obj, scene.gssmc.splat, camera)
     if verdict:
-        _note(obj, camera, verdict)
+        _keep_verdict(obj, camera, verdict)
     return obj
 
 
-def _note(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -> None:
+def _keep_verdict(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -> None:
     """Keeps on the camera what the refinement said, as `report_to_dict` gives it."""
     scene, rounds = bpy.context.scene, len(said["iterations"])
     if said["verdict"] == "failed":
-        camera_props.note_verdict(obj.data, "failed", said["reasons"], rounds, said["seconds"])
+        camera_props.write_verdict(obj.data, "failed", said["reasons"], rounds, said["seconds"])
         return
     solved = said.get("lens", "fixed") != "fixed" and not camera.focal_guessed
     state = "SOLVED" if solved else obj.data.gssmc.lens_state

@@ -12,7 +12,7 @@ import bpy
 from ...core.errors import GssmcError, RefineError
 from ..splat.copy import SplatCopying
 from ..support.texts import iface_, n_, sentence
-from .worker import Failure, Finished, Steps, Worker
+from .worker import Failure, Finished, JobThread, Steps
 
 log = logging.getLogger(__name__)
 CATEGORY = "GS-SMC"  # the sidebar's tab
@@ -50,7 +50,7 @@ class Job:
     def __init__(self, work: Callable[[], Steps] | None = None, copying: SplatCopying | None = None) -> None:
         self.cancelled = False
         self.fraction, self.step, self.detail = 0.0, "Starting", ""
-        self._worker = Worker(work) if work else None
+        self._worker = JobThread(work) if work else None
         self._copying = copying
         self._unseen, self._shown_at = False, 0.0
 
@@ -102,7 +102,7 @@ class Job:
     def check(self) -> None:
         """Raises GssmcError when the job cannot go on, for what it works on is gone."""
 
-    def note(self, news: Any) -> None:
+    def on_progress(self, news: Any) -> None:
         """Takes in what a step yielded, for the progress bar."""
 
     def tick(self) -> Any:
@@ -125,7 +125,7 @@ class Job:
                 raise RefineError(news.message)
             if isinstance(news, Finished):
                 return news.result
-            self.note(news)
+            self.on_progress(news)
             self.show()
         return None
 
@@ -192,7 +192,7 @@ class QueueJob(Job):
                 self._take(news.result)
                 self._next()
             else:
-                self.note(news)
+                self.on_progress(news)
             self.show()
         return self.result() if self.index >= self.count else None
 
@@ -208,7 +208,7 @@ class QueueJob(Job):
         self.fraction = self.index / self.count
         work = self._attempt(lambda: self.begin_item(self.index))
         if work is not None:
-            self._worker = Worker(work)
+            self._worker = JobThread(work)
             self._worker.start()
 
     def _attempt(self, step: Callable[[], Any]) -> Any:

@@ -100,21 +100,23 @@ def _take_lens(scene: bpy.types.Scene, data: bpy.types.Camera, view: View, size:
     camera_bridge.write_intrinsics(scene, data, Intrinsics(width, height, focal / ax, focal / ay, width / 2, height / 2))
 
 
-def fit_camera(
-    context: bpy.types.Context,
-    camera: bpy.types.Object,
-    photo: Photo,
-    image: bpy.types.Image,
-    given: Camera | None,
-    set_resolution: bool,
-) -> list[str]:
+@dataclass(frozen=True)
+class LoadedPhoto:
+    """A photo, its image in Blender, and the camera that a file gives for it, None where none does."""
+
+    photo: Photo
+    image: bpy.types.Image
+    given: Camera | None
+
+
+def fit_camera(context: bpy.types.Context, camera: bpy.types.Object, loaded: LoadedPhoto, set_resolution: bool) -> list[str]:
     """Gives the camera its photo, lens and, from a camera file, its pose. Sentences on what was found and set."""
-    scene, data = context.scene, camera.data
+    scene, data, photo, given = context.scene, camera.data, loaded.photo, loaded.given
     if given:
         camera_channels.check_writable(camera)
     scene.camera = camera
     notes = list(photo.notes)
-    data.gssmc.photo = image  # its update shows it behind the camera
+    data.gssmc.photo = loaded.image  # its update shows it behind the camera
     pixel = conventions.pixel_shape(given.intrinsics) if given else None
     notes += frame(scene, (photo.width, photo.height), set_resolution, pixel)
     if given:
@@ -126,7 +128,7 @@ def fit_camera(
     else:
         data.gssmc.lens_state = "GUESSED"
         notes.append(_lens_from_exif(scene, data, photo))
-    camera_props.note_verdict(data, "none", (), 0, 0.0)
+    camera_props.write_verdict(data, "none", (), 0, 0.0)
     return notes
 
 

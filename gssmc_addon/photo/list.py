@@ -45,7 +45,7 @@ def find(scene: bpy.types.Scene, camera: bpy.types.Object) -> GssmcPhoto | None:
     return next((entry for entry in scene.gssmc.photos if entry.camera == camera), None)
 
 
-def note(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
+def ensure_entry(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
     """The entry of a camera that was just given its photo; a new one where it has none yet."""
     entry = find(scene, camera) or scene.gssmc.photos.add()
     entry.camera, entry.error, entry.note, entry.file = camera, "", "", ""

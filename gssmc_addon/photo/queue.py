@@ -79,8 +79,8 @@ class AddPhotosJob(QueueJob):
         given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
         image = photo_image.load_image(path, photo)
         camera = photo_camera.choose_camera(context, "NEW", self.paths[index].name, photo)
-        photo_camera.fit_camera(context, camera, photo, image, given, set_resolution=False)
-        photo_list.note(context.scene, camera, photo)
+        photo_camera.fit_camera(context, camera, photo_camera.LoadedPhoto(photo, image, given), set_resolution=False)
+        photo_list.ensure_entry(context.scene, camera, photo)
         if not image.is_dirty:
             image.buffers_free()
         self.added.append(camera.session_uid)
@@ -145,13 +145,13 @@ class RefineQueue(RetryQueue):
         if camera is None:
             raise RefineError(rpt_('The camera "{name}" is no longer in the scene; nothing was changed.', name=name))
         photo = photo_image.camera_photo(camera)
-        job = jobs.gather(scene, splat, camera, photo, self.settings, self._renderer)
+        job = jobs.gather(scene, splat, camera, self.settings, self._renderer)
         self._targets = job.targets
         if photo and photo.has_data and not photo.is_dirty and camera != scene.camera:
             photo.buffers_free()  # OpenEXR is decoded by Blender, which would keep the pixels of every photo
         return job.inputs
 
-    def note(self, news: RefineProgress) -> None:
+    def on_progress(self, news: RefineProgress) -> None:
         self.fraction = self.progress(news.fraction)
 
     def end_try(self, item: int, start: neighbours.Neighbour | None, report: RefineReport) -> bool:
@@ -160,7 +160,7 @@ class RefineQueue(RetryQueue):
         if start is None or RANK[report.verdict] > RANK[before]:
             jobs.apply_report(self._targets, report)
             self._verdict_of[item] = report.verdict
-            self._note(item, note=rpt_('Found from the camera of "{name}".', name=start.name) if start else "")
+            self._mark_entry(item, note=rpt_('Found from the camera of "{name}".', name=start.name) if start else "")
         if start and before == "failed" != report.verdict:
             self.found_again.append(self._cameras[item][1])
         return report.verdict == "trusted" or (start is None and report.verdict == "check")
@@ -169,7 +169,7 @@ class RefineQueue(RetryQueue):
         """In the second pass the photo keeps its verdict, and the line says what happened."""
         if start is None:
             self.failed.append((self._cameras[item][1], message))
-        self._note(item, error=message)
+        self._mark_entry(item, error=message)
 
     def other_starts(self, item: int) -> Sequence[neighbours.Neighbour]:
         scene, camera = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
@@ -182,7 +182,7 @@ class RefineQueue(RetryQueue):
             tried = rpt_("Tried again from the cameras of {count} solved photos, without success.", count=self._tried)
             if self._tried == 1:
                 tried = rpt_("Tried again from the camera of 1 solved photo, without success.")
-            self._note(item, note=tried)
+            self._mark_entry(item, note=tried)
 
     def result(self) -> RefineQueue:
         return self
@@ -214,7 +214,7 @@ class RefineQueue(RetryQueue):
             said.append(rpt_("{count} photos were found from a solved one's camera.", count=len(self.found_again)))
         return " ".join([*said, *[message for _, message in self.failed[:1]]])
 
-    def _note(self, item: int, error: str = "", note: str = "") -> None:
+    def _mark_entry(self, item: int, error: str = "", note: str = "") -> None:
         """What the photo's line says."""
         scene, uid = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
         entry = next((e for e in scene.gssmc.photos if e.camera and e.camera.session_uid == uid), None)

@@ -98,7 +98,7 @@ class SequenceJob(RetryQueue):
         source = mask_source.masked(self._plate.at(frame), self._mask)
         return partial(refinement, RefineInputs(self._renderer, source, camera, self.settings))
 
-    def note(self, news: RefineProgress) -> None:
+    def on_progress(self, news: RefineProgress) -> None:
         self.fraction = self.progress(news.fraction)
 
     def end_try(self, item: int, start: int | None, report: RefineReport) -> bool:

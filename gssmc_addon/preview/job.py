@@ -78,7 +78,7 @@ class PreviewJob(Job):
         super().__init__(partial(_steps, inputs, lambda: self.cancelled), copying)
         self.inputs = inputs
 
-    def note(self, news: tuple[str, float]) -> None:
+    def on_progress(self, news: tuple[str, float]) -> None:
         self.step, self.fraction = news
 
 

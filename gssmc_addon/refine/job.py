@@ -88,7 +88,7 @@ class RefineJob(Job):
     def close(self) -> None:
         self.inputs.splat.close()
 
-    def note(self, news: RefineProgress) -> None:
+    def on_progress(self, news: RefineProgress) -> None:
         self.fraction, self.step = news.fraction, news.step[:1].upper() + news.step[1:]
         self.detail = iface_("Iteration {number} of {count}", number=max(news.iteration, 1), count=news.iterations)
 
@@ -97,15 +97,16 @@ def gather(
     scene: bpy.types.Scene,
     splat: bpy.types.Object | None,
     camera: bpy.types.Object | None,
-    photo: bpy.types.Image | None,
     settings: RefineSettings,
     renderer: SplatRenderer | None = None,
 ) -> RefineJob:
-    """Copies all inputs out of Blender, but for the splat, which the job does first, unless its `renderer` is there already.
+    """A refinement of the camera by its photo. Copies all inputs out of Blender, but for the splat, which the job does first,
+    unless its `renderer` is there already.
 
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
     splat_object.check_picked(scene, splat)
+    photo = _photo_of(camera)
     _check_photo(camera, photo)
     check_choice(settings)
     camera_channels.check_writable(camera)
@@ -115,6 +116,10 @@ def gather(
     copying = None if renderer else SplatCopying(splat)
     inputs = RefineInputs(renderer or SplatRenderer(copying, settings.threads), source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs, copying)
+
+
+def _photo_of(camera: bpy.types.Object | None) -> bpy.types.Image | None:
+    return photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
 
 
 def _check_photo(camera: bpy.types.Object | None, photo: bpy.types.Image | None) -> None:
@@ -128,8 +133,7 @@ def missing(scene: bpy.types.Scene) -> str:
     """Why no photo of the scene can be refined or looked at, for a poll; "" when one can. Scripts may name any camera."""
     try:
         splat_object.check_picked(scene, scene.gssmc.splat)
-        camera = scene.camera
-        photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
+        camera, photo = scene.camera, _photo_of(scene.camera)
         if photo is None and not any(photo_image.camera_photo(o) for o in scene.objects if o.type == "CAMERA"):
             _check_photo(camera, photo)
     except RefineError as error:
@@ -162,7 +166,7 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
         if camera == scene.camera:
             photo_camera.stop_moving_with_view()
     else:
-        camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
+        camera_props.write_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)

@@ -46,7 +46,7 @@ def verdict_title(note: GssmcCamera) -> str:
     return iface_("{verdict}: {count} iterations, {seconds:.1f} s", **values)
 
 
-def note_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
+def write_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
     """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none", which also forgets a solution."""
     note = data.gssmc
     note.lens_state = note.lens_state  # in a file of an older version it follows from the verdict, as long as nobody sets it

@@ -42,7 +42,8 @@ class SplatCopy:
             sh[:, k + 1] = band
         opacities = self.base[:, 3].copy()
         try:
-            return GaussianScene.checked(self.means, self.scales, self.rotations, opacities, sh, "Blender point cloud")
+            scene = GaussianScene(self.means, self.scales, self.rotations, opacities, sh, format="Blender point cloud")
+            return scene.checked()
         except SplatFormatError:
             raise SplatFormatError(
                 n_("Every Gaussian of the splat object holds a value that is not finite; import the file again.")

@@ -13,7 +13,7 @@ from ...core.splats import read_splats
 from ...core.splats.scene import GaussianScene
 from ..jobs.machine import Job
 from ..support.texts import iface_, n_
-from .importer import Building, Look, Placement, ReadSplat
+from .importer import Building, Placement, ReadSplat, SplatDisplay
 
 STEP_S = 0.05  # of each tick, for writing into Blender's memory, which may take one attribute longer
 READING = 0.8  # share of the progress shown
@@ -35,12 +35,12 @@ class SplatImport(Job):
         self._read_share = 0.0  # written by the thread
         self._building: Building | None = None
         self._built = False
-        self._look: Look | None = None
+        self._look: SplatDisplay | None = None
 
-    def _steps(self) -> Generator[ReadSplat, None, Look]:
+    def _steps(self) -> Generator[ReadSplat, None, SplatDisplay]:
         read = ReadSplat.of(read_splats(self._path, self._progress))
         yield read
-        return Look.of(read, self._viewport)
+        return SplatDisplay.of(read, self._viewport)
 
     def _progress(self, fraction: float) -> None:
         """In the thread, many times while the file is read."""
@@ -48,7 +48,7 @@ class SplatImport(Job):
             raise Cancelled(n_("The import was cancelled; nothing was changed."))
         self._read_share = fraction
 
-    def note(self, news: ReadSplat) -> None:
+    def on_progress(self, news: ReadSplat) -> None:
         self.scene, self.step = news.scene, n_("Making the splat")
         self._building = Building(self._path.stem, news, self._placement)
 

@@ -68,14 +68,14 @@ class ReadSplat:
 
 
 @dataclass(frozen=True)
-class Look:
+class SplatDisplay:
     """What only the display needs: point radius (N,), and the viewport's tables where the extension draws splats itself."""
 
     radius: np.ndarray
     viewport: viewport_clouds.Prepared | None
 
     @classmethod
-    def of(cls, read: ReadSplat, viewport: bool) -> Look:
+    def of(cls, read: ReadSplat, viewport: bool) -> SplatDisplay:
         """`viewport`: whether this Blender has one in which the extension draws splats."""
         arrays = read.scene.means, read.scene.scales, read.scene.rotations, read.base
         return cls(splat_display.point_radius(read.scene), viewport_clouds.prepare(arrays) if viewport else None)
@@ -98,7 +98,7 @@ def add_splat(
     building = Building(name, read, Placement(orientation))
     while not building.step():
         pass
-    return building.finish(context, Look.of(read, viewport_props.is_drawable()))
+    return building.finish(context, SplatDisplay.of(read, viewport_props.is_drawable()))
 
 
 class Building:
@@ -134,7 +134,7 @@ class Building:
         self._done += 1
         return self._done == len(self._attributes)
 
-    def finish(self, context: bpy.types.Context, look: Look) -> bpy.types.Object:
+    def finish(self, context: bpy.types.Context, look: SplatDisplay) -> bpy.types.Object:
         """The object, placed, linked, active and picked."""
         cloud, place, scene = self._cloud(), self._placement, self._scene
         splat_object.set_native_type(cloud)

@@ -28,7 +28,7 @@ class SplatRenderer:
         if self._renderer is None:
             scene = self._copying.copy().assemble()
             settings = RenderSettings.for_scene(scene, threads=self._threads)
-            renderer = Renderer(scene, settings) if self._single else ProcessRenderer(scene, settings, spare=True)
+            renderer = Renderer(scene, settings) if self._single else ProcessRenderer(scene, settings, interactive=True)
             self._copying = None
             with self._lock:
                 self._renderer = renderer

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from ...batch.keys import Query, query_keys
+from ...batch.keys import BatchQuery, query_keys
 from ...batch.queries import find_queries
 from ...batch.store import ResultStore
 from ...cameras import pose_list
@@ -24,7 +24,7 @@ from ...pose.report_json import error_to_dict
 from ...pose.settings import RefineSettings
 from ...processes.pool import Pool
 from ...splats import check_splat_file
-from ..console import note, say
+from ..console import message, say
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
@@ -52,16 +52,16 @@ def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args, PRESETS[args.preset] if args.preset else None)
     found = find_queries(args)
     for sentence in found.notes:
-        note(sentence)
+        message(sentence)
     masks = _mask_files(args.mask, found.photos)
-    queries = [Query(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
+    queries = [BatchQuery(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
     if args.workers < 1:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
     with ResultStore(args.out, query_keys(args.scene, queries, settings)) as store:
         if store.records:
-            note(f"{len(store.records)} of {len(queries)} photos were finished before and are kept.")
+            message(f"{len(store.records)} of {len(queries)} photos were finished before and are kept.")
         _work(args, queries, settings, store)
     verdicts = Counter(record["verdict"] for record in store.records.values())
     say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(code, args.scene, results, tuple(found.photos), masks=tuple(masks))
 
 
-def _check_paths(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings) -> None:
+def _check_paths(args: argparse.Namespace, queries: Sequence[BatchQuery], settings: RefineSettings) -> None:
     """Raises UsageError when what is to be written would overwrite what is read."""
     inputs = {
         "the scan": args.scene,
@@ -86,15 +86,15 @@ def _check_paths(args: argparse.Namespace, queries: Sequence[Query], settings: R
     check_outputs({"--out": args.out, "--poses": args.poses}, inputs)
 
 
-def _work(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings, store: ResultStore) -> None:
-    jobs = [
+def _work(args: argparse.Namespace, queries: Sequence[BatchQuery], settings: RefineSettings, store: ResultStore) -> None:
+    tasks = [
         (i, {"camera": camera_to_dict(q.camera), "photo": str(q.photo), "mask": str(q.mask) if q.mask else None})
         for i, q in enumerate(queries)
         if i not in store.records
     ]
     first = {"scene": str(args.scene.resolve()), "settings": {**asdict(settings), "threads": 1}}
     dropped, failed = 0, sum(record["verdict"] == "failed" for record in store.records.values())
-    lost = lambda i, words: error_to_dict(queries[i].camera, f"The worker process ended on this photo ({words}).")  # noqa: E731
+    lost = lambda i, reason: error_to_dict(queries[i].camera, f"The worker process ended on this photo ({reason}).")  # noqa: E731
     with Pool(first, args.workers) as pool, ProgressBar("Refining") as bar:
 
         def show() -> None:
@@ -105,12 +105,12 @@ def _work(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSe
             dropped = left_out
             show()
 
-        for index, record in pool.run(jobs, lost, started):
+        for index, record in pool.run(tasks, lost, started):
             store.put(index, record)
             failed += record["verdict"] == "failed"
             show()
     if dropped:
-        note(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.")
+        message(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.")
 
 
 def _mask_files(masks: Path | None, photos: list[Path]) -> list[Path | None]:
@@ -118,5 +118,5 @@ def _mask_files(masks: Path | None, photos: list[Path]) -> list[Path | None]:
     if masks is None:
         return [None] * len(photos)
     found = [find_mask(masks.resolve(), photo) for photo in photos]
-    note(f"{sum(mask is not None for mask in found)} of {len(photos)} photos have a mask; the others are used whole.")
+    message(f"{sum(mask is not None for mask in found)} of {len(photos)} photos have a mask; the others are used whole.")
     return found

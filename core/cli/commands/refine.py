@@ -7,21 +7,21 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ...batch.refine_one import refine_photo
-from ...cameras.files import Start, read_starts
+from ...batch.refine_one import read_masked_photo, refine_photo
+from ...cameras.files import StartCamera, read_starts
 from ...errors import CameraError, PhotoError
 from ...geometry.camera import Camera
 from ...photos.lens_guess import guess_lens
-from ...photos.mask import find_mask, masked
-from ...photos.photo import Photo, read_photo
+from ...photos.mask import find_mask
+from ...photos.photo import Photo
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ...support.atomic import atomic_write
-from ..console import note, say
+from ..console import message, say
+from ..dropped import say_dropped
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
-from ..notes import say_dropped
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..progress import ProgressBar
@@ -46,11 +46,9 @@ def run(args: argparse.Namespace) -> Outcome:
     models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
     inputs = {"the scan": args.scene, "the photo": args.photo, "the start": args.camera, "the mask": mask, "a model": models}
     check_outputs({"--out": args.out}, inputs)
-    photo = read_photo(args.photo)
-    if mask is not None:
-        photo = masked(photo, mask)
+    photo = read_masked_photo(args.photo, mask)
     for remark in photo.notes:
-        note(remark)
+        message(remark)
     camera = start_camera(pick_start(args.camera, args.photo), photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
@@ -92,15 +90,15 @@ def summary(report: RefineReport) -> str:
     return f"{report.verdict} after {len(report.iterations)} iterations, {report.seconds:.1f} s. {' '.join(report.reasons)}"
 
 
-def start_camera(start: Start, photo: Photo) -> Camera:
+def start_camera(start: StartCamera, photo: Photo) -> Camera:
     """The camera to start from, with the lens that the photo suggests where the file tells none, which is said then."""
     guess = guess_lens(photo)
     if start.intrinsics is None:
-        note(f"The start tells no lens: {guess.words}.")
+        message(f"The start tells no lens: {guess.assumption}.")
     return replace(start.camera(guess.intrinsics), file=photo.file)
 
 
-def pick_start(file: Path, photo: Path) -> Start:
+def pick_start(file: Path, photo: Path) -> StartCamera:
     """The file's only camera, or the one that names the photo. Raises CameraError when that is nobody, or several."""
     starts = read_starts(file)
     if len(starts) == 1:

@@ -19,7 +19,7 @@ from ...features.matchers.nearest import MutualNearest
 from ...geometry.camera import FloatArray, Pose
 from ...geometry.lie import so3_exp
 from .candidates import Viewpoint
-from .eye import Eye, Look, facing, square_camera
+from .eye import Eye, RenderedFeatures, facing, square_camera
 from .panorama import facing_log
 from .surface import Surface
 
@@ -45,7 +45,7 @@ class Sight:
 
     pose: Pose
     depth: float
-    found: Look
+    found: RenderedFeatures
     points: FloatArray
     weight: NDArray[np.float32]
     proven: bool = False

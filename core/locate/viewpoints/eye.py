@@ -24,7 +24,7 @@ MAX_FEATURES, CONTRAST = 1200, 0.005  # corners of a render are clean, however f
 
 
 @dataclass(frozen=True)
-class Look:
+class RenderedFeatures:
     """A render's features and what surrounds them. `points` (N, 3) world; `depth`: median depth of the solid pixels, scene
     units; `solid`: share of them, 0..1; `near`: the near plane, scene units.
     """
@@ -45,7 +45,7 @@ class Eye:
         self._threads = threads
         self._extractor = extractor or RootSift(MAX_FEATURES, CONTRAST)
 
-    def look(self, pose: Pose, camera: Intrinsics, depth: float) -> Look:
+    def look(self, pose: Pose, camera: Intrinsics, depth: float) -> RenderedFeatures:
         """The view of the pinhole `camera` at `pose`; `depth` (scene units) says about how far away things are there."""
         near = NEAR_RATIO * depth
         view = Renderer(self._tables, RenderSettings(near, self._threads)).render(camera, pose)
@@ -57,7 +57,7 @@ class Eye:
         keep: NDArray[np.bool_] = np.asarray(steady & (z > 0))
         found = features.take(keep)
         median = float(np.median(view.depth[solid])) if solid.any() else depth
-        return Look(pose, found, lifted(found.keypoints, z[keep], camera, pose), median, float(solid.mean()), near)
+        return RenderedFeatures(pose, found, lifted(found.keypoints, z[keep], camera, pose), median, float(solid.mean()), near)
 
 
 def square_camera(side_px: int) -> Intrinsics:

@@ -17,9 +17,12 @@ from .matches import BoolArray
 
 GreyImage = NDArray[np.uint8]
 
-NARROW = 96.0  # grey levels between the darkest and brightest hundredth; a photo with fewer is underexposed or hazy
-TAILS = (1.0, 99.0)  # per cent of the pixels
-STRETCHED = (16.0, 239.0)  # levels that these go to
+# A photo with fewer grey levels between its darkest and its brightest hundredth of pixels is underexposed or hazy.
+NARROW = 96.0
+# The percentiles between which the contrast is measured.
+TAILS = (1.0, 99.0)
+# The grey levels that these two percentiles are stretched to.
+STRETCHED = (16.0, 239.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +75,13 @@ def exposed(pixels: NDArray[np.uint8], size: tuple[int, int], mask: BoolArray | 
     of the result) leaves out does not count; a photo without any contrast stays as it is.
     """
     grey = _scaled(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), size)
-    seen = mask if mask is not None and mask.any() else np.ones(grey.shape, bool)
-    low, high = np.percentile(grey[seen], TAILS)
+    usable = mask if mask is not None and mask.any() else np.ones(grey.shape, bool)
+    low, high = np.percentile(grey[usable], TAILS)
     if high - low >= NARROW or high <= low:
         return np.asarray(grey, np.uint8)
-    # from the pixels anew: averaging finds levels between those that rounding left
+    # The photo is reduced once more in floating point, because averaging finds levels between those that rounding left.
     fine = _scaled(cv2.cvtColor(pixels.astype(np.float32), cv2.COLOR_RGB2GRAY), size)
-    low, high = np.percentile(fine[seen], TAILS)
+    low, high = np.percentile(fine[usable], TAILS)
     bottom, top = STRETCHED
     fine = (fine - low) * ((top - bottom) / max(high - low, 1.0)) + (bottom + 0.5)
     return np.asarray(np.clip(fine, 0, 255), np.uint8)

@@ -13,28 +13,34 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry.camera import Intrinsics, Pose
-from ..final.solution import Solution
+from ..final.solution import FittedCamera
 from ..report import PoseQuality, Verdict
 from ..shared.matches import ViewMatches
-from . import words
+from . import sentences
 from .verify import FinalView
 
 CELLS = 6
 
-MIN_CORNERS = 30  # of the photo over the splat; fewer cannot tell a right pose from a wrong one
-FEWEST_CORNERS = 10  # fewer cannot even support one, whatever they show
+# With fewer corners of the photo over the splat, right poses cannot be told from wrong ones.
+MIN_CORNERS = 30
+# With fewer than this, not even perfect agreement supports a pose.
+FEWEST_CORNERS = 10
 FAILED_AGREEMENT = 0.25
 TRUSTED_AGREEMENT = 0.36
 TRUSTED_VIEWS = 4
 TRUSTED_INLIERS = 100
 TRUSTED_COVERAGE = 0.25
-TRUSTED_RMS_PX = 1.0  # of the photo with a long side of RMS_LONG_SIDE_PX, or of the photo itself where that is smaller
+# In pixels of the photo, reduced to a long side of RMS_LONG_SIDE_PX where it is larger.
+TRUSTED_RMS_PX = 1.0
 RMS_LONG_SIDE_PX = 1280
-TRUSTED_DISAGREEMENT_PCT = 0.5  # of the median depth
+# Per cent of the median depth.
+TRUSTED_DISAGREEMENT_PCT = 0.5
 TRUSTED_DISAGREEMENT_DEG = 0.4
-TRUSTED_STD_PCT = 0.5  # of the median depth
+# Per cent of the median depth.
+TRUSTED_STD_PCT = 0.5
 TRUSTED_FOCAL_STD_PCT = 1.0
-TRUSTED_LENS_GAIN_PCT = 32.0  # on two scans up to 29 with the right lens, 27 to 59 without its distortion
+# On two scans the gain reached 29 per cent with the right lens, and lay between 27 and 59 per cent without its distortion.
+TRUSTED_LENS_GAIN_PCT = 32.0
 
 # A fit's covariance knows the noise of its matches, not where the splat itself is off, which all views share. On two scans the
 # errors of pose and focal length were 1.8 and 2.3 times (RMS) what the last stage's fit said; those of the loop's answer,
@@ -44,7 +50,7 @@ LOOP_SHARED_ERROR = 5.7
 
 
 @dataclass(frozen=True)
-class Matched:
+class LoopMatches:
     """The loop's matches, found without knowing the answer: of each view, made with the pinhole `camera`; and the median
     rendered depth there, scene units.
     """
@@ -54,7 +60,7 @@ class Matched:
     median_depth: float
 
 
-def assess(solution: Solution, loop: Matched, seen: FinalView, photo: Intrinsics) -> PoseQuality:
+def assess(solution: FittedCamera, loop: LoopMatches, final: FinalView, photo: Intrinsics) -> PoseQuality:
     """Gathers the evidence for a solution. `photo`: the camera of the photo at its full size."""
     depth = loop.median_depth
     pose, matched = solution.camera.pose, solution.camera.intrinsics
@@ -65,10 +71,10 @@ def assess(solution: Solution, loop: Matched, seen: FinalView, photo: Intrinsics
         pose=pose,
         photo_long_side_px=max(photo.width, photo.height),
         median_depth=depth,
-        corners=seen.corners,
-        agreement=seen.agreement,
-        offset_px_of_photo=seen.offset_px_of_photo,
-        similarity=seen.similarity,
+        corners=final.corners,
+        agreement=final.agreement,
+        offset_px_of_photo=final.offset_px_of_photo,
+        similarity=final.similarity,
         views_used=len(loop.views),
         inliers=sum(len(v) for v in loop.views),
         coverage=_coverage(loop.views, loop.camera),
@@ -82,17 +88,17 @@ def assess(solution: Solution, loop: Matched, seen: FinalView, photo: Intrinsics
     )
 
 
-def assess_start(pose: Pose, seen: FinalView, photo: Intrinsics, depth: float) -> PoseQuality:
+def assess_start(pose: Pose, final: FinalView, photo: Intrinsics, depth: float) -> PoseQuality:
     """The evidence for a start camera that is kept: what the splat rendered through it shows, for no fit had a part in it."""
     return PoseQuality(
         of="start",
         pose=pose,
         photo_long_side_px=max(photo.width, photo.height),
         median_depth=depth,
-        corners=seen.corners,
-        agreement=seen.agreement,
-        offset_px_of_photo=seen.offset_px_of_photo,
-        similarity=seen.similarity,
+        corners=final.corners,
+        agreement=final.agreement,
+        offset_px_of_photo=final.offset_px_of_photo,
+        similarity=final.similarity,
     )
 
 
@@ -101,27 +107,27 @@ def judge(quality: PoseQuality) -> tuple[Verdict, tuple[str, ...]]:
     q = quality
     few = q.corners < MIN_CORNERS
     if few and (q.corners < FEWEST_CORNERS or q.agreement < TRUSTED_AGREEMENT):
-        return "failed", (words.too_few_corners(q),)
+        return "failed", (sentences.too_few_corners(q),)
     if not q.agreement >= FAILED_AGREEMENT:
-        return "failed", (words.another_place(q),)
+        return "failed", (sentences.another_place(q),)
     doubts = _doubts(q)
-    return ("check", tuple(doubts)) if doubts else ("trusted", words.trusted(q))
+    return ("check", tuple(doubts)) if doubts else ("trusted", sentences.trusted(q))
 
 
 def _doubts(q: PoseQuality) -> list[str]:
     # Each comparison is false for NaN, and so are those that must doubt a figure that there is not: hence `not <=` there.
     apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
     checks = [
-        (q.corners < MIN_CORNERS, words.few_corners),
-        (q.agreement < TRUSTED_AGREEMENT, words.fits_in_part),
-        (q.views_used < TRUSTED_VIEWS, words.few_views),
-        (q.inliers < TRUSTED_INLIERS, words.few_matches),
-        (not q.coverage >= TRUSTED_COVERAGE, words.uncovered),
-        (not rms_px(q) <= TRUSTED_RMS_PX, words.views_apart),
-        (not apart, words.halves_apart),
-        (not q.translation_std_pct <= TRUSTED_STD_PCT, words.place_uncertain),
-        (q.focal_std_pct > TRUSTED_FOCAL_STD_PCT, words.focal_uncertain),  # NaN, when it was not solved for, is no doubt
-        (q.lens_gain_pct > TRUSTED_LENS_GAIN_PCT, words.other_lens),
+        (q.corners < MIN_CORNERS, sentences.few_corners),
+        (q.agreement < TRUSTED_AGREEMENT, sentences.fits_in_part),
+        (q.views_used < TRUSTED_VIEWS, sentences.few_views),
+        (q.inliers < TRUSTED_INLIERS, sentences.few_matches),
+        (not q.coverage >= TRUSTED_COVERAGE, sentences.uncovered),
+        (not rms_px(q) <= TRUSTED_RMS_PX, sentences.views_apart),
+        (not apart, sentences.halves_apart),
+        (not q.translation_std_pct <= TRUSTED_STD_PCT, sentences.place_uncertain),
+        (q.focal_std_pct > TRUSTED_FOCAL_STD_PCT, sentences.focal_uncertain),  # NaN, when it was not solved for, is no doubt
+        (q.lens_gain_pct > TRUSTED_LENS_GAIN_PCT, sentences.other_lens),
     ]
     return [sentence(q) for doubtful, sentence in checks if doubtful]
 

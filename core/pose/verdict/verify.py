@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 from ...features.subpixel import SubpixelAligner, normalise_locally
 from ...geometry.camera import FloatArray, Pose
 from ...geometry.conventions import from_opencv_pixels
-from ...render.view import ViewRenderer, alone
+from ...render.view import ViewRenderer, sole_renderer
 from ..search.observe import grey_of
 from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
 
 MAX_CORNERS = 600
 CORNER_QUALITY = 0.01
-# Pixels here are those of the loop's working picture, whose long side is `RefineSettings.long_side_px` or the photo's own.
+# Pixels are those of the picture that the loop works on; its long side is `RefineSettings.long_side_px`, or less where the
+# photo is smaller.
 CORNER_SPACING_PX = 7.0
-STAYED_PX = 1.5  # a corner that moved less than this between photo and render is taken to agree
+# A corner that moved less than this between photo and render counts as agreeing.
+STAYED_PX = 1.5
 FOLLOW = SubpixelAligner(window_px=21, max_move_px=6.0, max_return_px=0.5)
 
 
@@ -48,7 +50,7 @@ class FinalView:
 
 def view_at(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose) -> FinalView:
     """Renders the splat at `pose` and measures how it agrees with the photo."""
-    view = alone(renderer).render(photo.pinhole, pose)
+    view = sole_renderer(renderer).render(photo.pinhole, pose)
     return compare(photo, grey_of(view), solid_part(view))
 
 
@@ -69,11 +71,11 @@ def compare(photo: WorkingPhoto, grey: NDArray[np.uint8], solid: NDArray[np.bool
 
 
 def _corners(photo: WorkingPhoto, mask: NDArray[np.uint8]) -> FloatArray:
-    # None where nothing is found, whatever its stub says.
-    found: Any = cv2.goodFeaturesToTrack(photo.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
-    if found is None:
+    # OpenCV returns None where it finds nothing, although its type stub denies it.
+    corners: Any = cv2.goodFeaturesToTrack(photo.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
+    if corners is None:
         return np.zeros((0, 2))
-    return from_opencv_pixels(np.reshape(found, (-1, 2)))
+    return from_opencv_pixels(np.reshape(corners, (-1, 2)))
 
 
 def _correlation(a: NDArray[np.uint8], b: NDArray[np.uint8], mask: NDArray[np.bool_]) -> float:

@@ -62,7 +62,8 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
         _decode(payload, rest, sh[:, 1:], lambda raw: _sh(raw, coefficients - 1), done)
         payload.check_end()
     name = f"spz version {header.version}"
-    return GaussianScene.checked(means, scales, rotations, opacities[:, 0], sh, name, header.orientation)
+    scene = GaussianScene(means, scales, rotations, opacities[:, 0], sh, format=name, orientation=header.orientation)
+    return scene.checked()
 
 
 class _Progress:

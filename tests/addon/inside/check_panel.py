@@ -90,7 +90,7 @@ def height(bpy, extension, width):
 
 
 def note(extension, scene, *reasons):
-    extension("gssmc_addon.registration.camera_props").note_verdict(scene.camera.data, "check", reasons, 3, 12.5)
+    extension("gssmc_addon.registration.camera_props").write_verdict(scene.camera.data, "check", reasons, 3, 12.5)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -98,9 +98,7 @@ def test_the_panel_is_as_high_before_a_refinement_as_while_it_runs_and_after(bpy
     jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     own = bpy.context.window_manager.gssmc
     before = height(bpy, extension, width)
-    job = jobs.gather(
-        scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, extension("core.pose.settings").RefineSettings()
-    )
+    job = jobs.gather(scene, scene.gssmc.splat, scene.camera, extension("core.pose.settings").RefineSettings())
     slot.begin(bpy.context, job)
     try:
         heights = [height(bpy, extension, width)]

@@ -353,7 +353,7 @@ def test_an_imported_splat_is_written_in_steps(bpy, extension, splat_file):
         seen.append(building.fraction)
     assert seen[0] == 0.0
     assert len([f for f in seen if f > 0]) == 4 + 3 - 1, "SH degree 1: seven attributes, each in a step of its own"
-    obj = building.finish(bpy.context, job_module.Look.of(read, False))
+    obj = building.finish(bpy.context, job_module.SplatDisplay.of(read, False))
     got = extension("gssmc_addon.splat.copy").read_splat(obj)
     np.testing.assert_array_equal(got.means, read_splats(splat_file).means)
     np.testing.assert_array_equal(got.sh, read_splats(splat_file).sh)

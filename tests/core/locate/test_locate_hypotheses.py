@@ -10,7 +10,7 @@ from core.geometry.camera import Intrinsics, Pose, pose_error
 from core.geometry.lie import so3_exp
 from core.locate.hypotheses import Hypothesis, filled_cells, grown_pose, merged, sampled_pose
 from core.locate.matching import Pairs
-from core.pose.search.observe import Query
+from core.pose.search.observe import PhotoFeatures
 from core.pose.shared.working import WorkingPhoto
 
 LENS = Intrinsics(640, 480, 520.0, 520.0, 320.0, 240.0)
@@ -29,7 +29,11 @@ def scene(seed=0, count=120, wrong=0.4, noise_px=0.5, lens=LENS):
     seen = pixels + noise_px * rng.normal(size=pixels.shape)
     grey = np.zeros((480, 640), np.uint8)
     image = WorkingPhoto(LENS, grey, None, grey, grey, None)
-    return Query(image, Features(seen, np.zeros((count, 128), np.float32), (640, 480))), Pairs(np.arange(count), points), pose
+    return (
+        PhotoFeatures(image, Features(seen, np.zeros((count, 128), np.float32), (640, 480))),
+        Pairs(np.arange(count), points),
+        pose,
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -120,14 +120,14 @@ def test_a_process_that_dies_costs_no_view(scene, started, caplog, deaths):
 
 def test_a_spared_process_draws_only_where_no_other_is(scene, monkeypatch):
     alone, here = Renderer(scene, RenderSettings(threads=1)), []
-    with ProcessRenderer(scene, RenderSettings(threads=2), spare=True) as renderer:
+    with ProcessRenderer(scene, RenderSettings(threads=2), interactive=True) as renderer:
         wait_for(ready(renderer, 2))
         monkeypatch.setattr(renderer._here, "render", lambda *view: here.append(view) or alone.render(*view))
         with ThreadPoolExecutor(4) as pool:
             found = list(pool.map(lambda pose: renderer.render(CAMERA, pose), poses(8)))
         assert not here
         assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, poses(8), strict=True))
-        assert same(renderer.alone.render(CAMERA, Pose()), alone.render(CAMERA, Pose()))
+        assert same(renderer.sole.render(CAMERA, Pose()), alone.render(CAMERA, Pose()))
         for child in renderer._team._ready:
             child.kill()
         assert same(renderer.render(CAMERA, Pose()), alone.render(CAMERA, Pose()))
@@ -215,13 +215,13 @@ def most_at_once(renderer: ProcessRenderer, monkeypatch: pytest.MonkeyPatch, ask
     return most[0]
 
 
-@pytest.mark.parametrize("spare", [False, True])
-def test_processes_that_die_at_their_start_do_not_change_how_many_views_are_drawn(scene, monkeypatch, spare):
+@pytest.mark.parametrize("interactive", [False, True])
+def test_processes_that_die_at_their_start_do_not_change_how_many_views_are_drawn(scene, monkeypatch, interactive):
     starter = Starter()
     with ProcessRenderer(
-        scene, RenderSettings(threads=4), lambda _, environment: starter("no_such_module", environment), spare=spare
+        scene, RenderSettings(threads=4), lambda _, environment: starter("no_such_module", environment), interactive=interactive
     ) as renderer:
-        wait_for(lambda: len(starter.children) == 3 + spare and not renderer._team._all)
+        wait_for(lambda: len(starter.children) == 3 + interactive and not renderer._team._all)
         assert most_at_once(renderer, monkeypatch) == 4
 
 
