@@ -105,33 +105,38 @@ def gather(
 
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
-    splat_object.check_picked(scene, splat)
-    _check_photo(camera, photo)
+    splat = splat_object.picked(scene, splat)
+    camera, photo = _with_photo(camera, photo)
     check_choice(settings)
     camera_channels.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = mask_source.masked(plate_source.source_at(scene, camera, photo), mask_source.of(camera))
     _check_memory(splat, photo, settings)
-    copying = None if renderer else SplatCopying(splat)
-    inputs = RefineInputs(renderer or SplatRenderer(copying, settings.threads), source, copy, settings)
+    copying = None
+    if renderer is None:
+        copying = SplatCopying(splat)
+        renderer = SplatRenderer(copying, settings.threads)
+    inputs = RefineInputs(renderer, source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs, copying)
 
 
-def _check_photo(camera: bpy.types.Object | None, photo: bpy.types.Image | None) -> None:
+def _with_photo(camera: bpy.types.Object | None, photo: bpy.types.Image | None) -> tuple[bpy.types.Object, bpy.types.Image]:
+    """Camera and photo. Raises RefineError when one of them is missing."""
     if camera is None or camera.type != "CAMERA":
         raise RefineError(rpt_("The scene has no camera for the photo; use Add Photo in the GS-SMC panel."))
     if photo is None:
         raise RefineError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
+    return camera, photo
 
 
 def missing(scene: bpy.types.Scene) -> str:
     """Why no photo of the scene can be refined or looked at, for a poll; "" when one can. Scripts may name any camera."""
     try:
-        splat_object.check_picked(scene, scene.gssmc.splat)
+        splat_object.picked(scene, scene.gssmc.splat)
         camera = scene.camera
         photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
         if photo is None and not any(photo_image.camera_photo(o) for o in scene.objects if o.type == "CAMERA"):
-            _check_photo(camera, photo)
+            _with_photo(camera, photo)
     except RefineError as error:
         return str(error)
     return ""
@@ -163,7 +168,7 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
             photo_camera.stop_moving_with_view()
     else:
         camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
-    values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
+    values: dict[str, object] = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
     values |= {"verdict": iface_(camera_props.VERDICT_NAMES[report.verdict.upper()]).lower(), "seconds": report.seconds}
