@@ -1,11 +1,15 @@
 """Add Photo: a camera for a photograph, with the photo behind it."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
+from ..core.photos.photo import Photo
 from ..gssmc_addon.photo import camera as photo_camera
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.photo import list as photo_list
@@ -26,16 +30,21 @@ CAMERA_ITEMS = (
 class AddsPicture(PlainOperator, FromFile):
     """What Add Photo and Add Plate share: the options, and how a picture gets its camera."""
 
-    filter_image: BoolProperty(default=True, options={"HIDDEN"})
-    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
-    camera: EnumProperty(name="Camera", items=CAMERA_ITEMS, default="AUTO", description="Which camera it is set behind")
-    camera_file: StringProperty(
-        name="Camera File",
-        subtype="FILE_PATH",
-        description="Optional JSON file of cameras; the one that names the chosen file gives lens, distortion and start pose",
-    )
+    __annotations__ = {
+        "filter_image": BoolProperty(default=True, options={"HIDDEN"}),
+        "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
+        "camera": EnumProperty(name="Camera", items=CAMERA_ITEMS, default="AUTO", description="Which camera it is set behind"),
+        "camera_file": StringProperty(
+            name="Camera File",
+            subtype="FILE_PATH",
+            description="Optional JSON file of cameras; the one that names the chosen file gives lens, distortion "
+            "and start pose",
+        ),
+    }
 
-    def set_behind(self, context, photo, load):
+    def set_behind(
+        self, context: bpy.types.Context, photo: Photo, load: Callable[[], bpy.types.Image]
+    ) -> tuple[bpy.types.Object, bpy.types.Image, list[str]]:
         """Camera, image and what to say of them; `load` makes the image once the camera file is known to fit.
 
         Raises GssmcError, with nothing changed.
@@ -54,14 +63,16 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
     bl_label = "Add Photo"
     bl_options = {"UNDO"}
 
-    set_resolution: BoolProperty(
-        name="Set Resolution",
-        default=False,
-        description="Make the render resolution the photo's, so that it fills the camera's frame. Without, the photo lies in "
-        "the middle of the frame as large as fits",
-    )
+    __annotations__ = {
+        "set_resolution": BoolProperty(
+            name="Set Resolution",
+            default=False,
+            description="Make the render resolution the photo's, so that it fills the camera's frame. Without, the photo lies "
+            "in the middle of the frame as large as fits",
+        ),
+    }
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()  # scripts place objects and expect that to count
         photo = photo_image.read_any_photo(self.filepath)
         camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))

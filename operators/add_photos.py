@@ -1,6 +1,9 @@
 """Add Photos, Add Folder: many photographs, each with a camera of its own."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
@@ -30,7 +33,11 @@ class _AddPhotos(JobFromFile):
         ),
     }
 
-    def gather(self, context):
+    def _chosen(self) -> list[Path]:
+        """The files that were chosen, in the order of the list."""
+        raise NotImplementedError
+
+    def gather(self, context: bpy.types.Context) -> AddPhotosJob:
         context.view_layer.update()
         known = photo_list.files(context.scene)
         paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
@@ -38,7 +45,7 @@ class _AddPhotos(JobFromFile):
             raise RefineError(rpt_("All of these photos are on the list already."))
         return AddPhotosJob(context.scene, paths, self.camera_file)
 
-    def apply(self, context, job, result):
+    def apply(self, context: bpy.types.Context, job: AddPhotosJob, result: Any) -> set[str]:
         scene = context.scene
         if not job.added:
             name, message = job.failed[0] if job.failed else ("", rpt_("No photo was added."))
@@ -48,18 +55,18 @@ class _AddPhotos(JobFromFile):
         photo_list.pick(scene, jobs.by_uid(scene.objects, job.added[0]))
         return self.done(context, _summary(job), "WARNING" if job.failed else "INFO")
 
-    def broke_off(self, context, job, message):
+    def broke_off(self, context: bpy.types.Context, job: AddPhotosJob, message: str) -> set[str]:
         """What was added before is kept; without this it would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED"} if job.added else {"CANCELLED"}
 
-    def stopped(self, context, job):
+    def stopped(self, context: bpy.types.Context, job: AddPhotosJob) -> set[str]:
         if job.added:
             return self.apply(context, job, job)
         return self.refuse(context, rpt_("Adding photos was stopped; nothing was changed."), level="INFO")
 
 
-def _summary(job):
+def _summary(job: AddPhotosJob) -> str:
     """Up to three sentences: what was added, what could not be, what was left out."""
     words = [rpt_("{count} photos added, each with its camera.", count=len(job.added))]
     if len(job.added) == 1:
@@ -85,7 +92,7 @@ class GSSMC_OT_add_photos(_AddPhotos, bpy.types.Operator):
         **_AddPhotos.__annotations__,
     }
 
-    def _chosen(self):
+    def _chosen(self) -> list[Path]:
         names = [file.name for file in self.files if file.name]
         if not names and not self.directory and self.filepath:
             return [Path(bpy.path.abspath(self.filepath))]
@@ -102,7 +109,7 @@ class GSSMC_OT_add_photo_folder(_AddPhotos, bpy.types.Operator):
 
     __annotations__ = {**_AddPhotos.__annotations__}
 
-    def _chosen(self):
+    def _chosen(self) -> list[Path]:
         """The browser lists the photos, so that one sees what comes; scripts may name the folder, or a photo in it."""
         if not self.directory and self.filepath:
             path = Path(bpy.path.abspath(self.filepath))

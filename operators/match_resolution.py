@@ -1,5 +1,7 @@
 """Match Photo Resolution: the render becomes the photo's size, and the lens follows."""
 
+from __future__ import annotations
+
 import bpy
 
 from ..core.errors import PhotoError
@@ -17,7 +19,7 @@ class GSSMC_OT_match_resolution(OfPhoto, bpy.types.Operator):
     bl_label = "Match Photo Resolution"
     bl_options = {"UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         scene, camera = context.scene, context.scene.camera
         size = photo_image.own_size(camera.data)
         if not all(size):

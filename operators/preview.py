@@ -1,5 +1,7 @@
 """Preview: the splat through the photo's camera, set against the photo."""
 
+from __future__ import annotations
+
 import bpy
 from bpy.props import StringProperty
 
@@ -23,14 +25,14 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
 
     __annotations__ = {
         "camera": StringProperty(name="Camera", description="Name of the camera object; empty: the scene camera"),
-        **preview_options.annotations(),
+        **preview_options.preview_annotations(),
     }
 
-    def gather(self, context):
+    def gather(self, context: bpy.types.Context) -> preview_job.PreviewJob:
         context.view_layer.update()  # scripts set locations and expect them to count
         scene, own = context.scene, context.window_manager.gssmc.preview
         said_background = self.properties.is_property_set("background")
-        for name in preview_options.annotations():  # what is not said is as in the panel
+        for name in preview_options.preview_annotations():  # what is not said is as in the panel
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(own, name))
         if not said_background and self.style not in preview_options.IN_VIEWPORT:
@@ -43,13 +45,15 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
         self._camera = camera.name if camera else ""
         return preview_job.gather(context, camera, preview_job.options_of(self), settings_props.settings_from(scene.gssmc))
 
-    def apply(self, context, job, result):
+    def apply(self, context: bpy.types.Context, job: preview_job.PreviewJob, result: preview_job.Preview) -> set[str]:
         camera = context.scene.objects.get(self._camera)
         if camera is None or camera.type != "CAMERA":
             raise RefineError(rpt_('The camera "{name}" was removed while its preview was rendered.', name=self._camera))
         if result.new:
             preview_images.put_pair(result.pair, job.inputs.key)
-        image = preview_images.find("render") if self.style == "FLICKER" else preview_images.put_picture(result.picture)
+        image = preview_images.find("render") if self.style == "FLICKER" else None
+        if image is None:
+            image = preview_images.put_picture(result.picture)
         shown = preview_images.show(image)
         if self.background:
             preview_watch.mark(camera, job.inputs.camera, image)
@@ -61,11 +65,11 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
             words.append(rpt_('Open an Image Editor and pick "{image}" in its header to see it.', image=image.name))
         return self.done(context, " ".join(words), line="" if seen and not result.matches else " ".join(words))
 
-    def stopped(self, context, job):
+    def stopped(self, context: bpy.types.Context, job: preview_job.PreviewJob) -> set[str]:
         return self.refuse(context, rpt_("The preview was cancelled."), level="INFO")
 
 
-def _look_through(context, camera):
+def _look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
     """Turns the viewport at hand to the scene's camera, where none looks through it yet: else the picture is nowhere to see."""
     areas = (area for window in context.window_manager.windows for area in window.screen.areas if area.type == "VIEW_3D")
     spaces = [area.spaces.active for area in areas]
@@ -75,7 +79,7 @@ def _look_through(context, camera):
         here.region_3d.view_perspective = "CAMERA"
 
 
-def _told(camera, result):
+def _told(camera: bpy.types.Object, result: preview_job.Preview) -> str:
     """What the preview shows, as a sentence."""
     if not result.matches:
         return rpt_('Preview of "{name}".', name=camera.name)

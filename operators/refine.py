@@ -1,8 +1,11 @@
 """Refine Camera: a worker thread in the window, a plain call in scripts and background mode."""
 
+from __future__ import annotations
+
 import bpy
 from bpy.props import StringProperty
 
+from ..core.pose.report import RefineReport
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.refine import job as jobs
 from ..gssmc_addon.registration import settings as settings_props
@@ -25,7 +28,7 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
         **settings_props.model_annotations(),
     }
 
-    def gather(self, context):
+    def gather(self, context: bpy.types.Context) -> jobs.RefineJob:
         scene = context.scene
         splat = bpy.data.objects.get(self.splat) if self.splat else scene.gssmc.splat
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
@@ -34,12 +37,12 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
         problem.begin(self.bl_label)
         return job
 
-    def apply(self, context, job, report):
+    def apply(self, context: bpy.types.Context, job: jobs.RefineJob, report: RefineReport) -> set[str]:
         message = jobs.apply_report(job.targets, report)
         done = self.done(context, message, "WARNING" if report.verdict != "trusted" else "INFO")  # the panel shows the verdict
         return {"CANCELLED"} if report.verdict == "failed" else done
 
-    def stopped(self, context, job):
+    def stopped(self, context: bpy.types.Context, job: jobs.RefineJob) -> set[str]:
         return self.refuse(context, rpt_("The refinement was cancelled; nothing was changed."), level="INFO")
 
 

@@ -1,5 +1,9 @@
 """Refine All: the photos of the list, one after the other."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
@@ -37,39 +41,39 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
     }
 
     @classmethod
-    def description(cls, context, properties):
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         which = next(item[2] for item in WHICH if item[0] == properties.which)
-        return f"{tip_(cls.__doc__)}. {tip_(which)}"
+        return f"{tip_(cls.__doc__ or '')}. {tip_(which)}"
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if not photo_list.cameras(context.scene):
             cls.poll_message_set("There are no photos on the list; use Add Photos first")
             return False
         return super().poll(context)
 
-    def gather(self, context):
+    def gather(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
         job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)
         problem.begin(self.bl_label)
         return job
 
-    def apply(self, context, job, result):
+    def apply(self, context: bpy.types.Context, job: photo_queue.RefineQueue, result: Any) -> set[str]:
         message = job.summary()
         self.tell(context, message, "ERROR" if job.failed else "INFO")
         clean = job.verdicts["trusted"] == job.items
         self.report({"INFO" if clean else "WARNING"}, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 
-    def stopped(self, context, job):
+    def stopped(self, context: bpy.types.Context, job: photo_queue.RefineQueue) -> set[str]:
         """What was refined before the stop is kept: each photo stands for itself."""
         message = rpt_("Stopped. {summary}", summary=job.summary())
         self.tell(context, message)
         self.report({"INFO"}, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 
-    def broke_off(self, context, job, message):
+    def broke_off(self, context: bpy.types.Context, job: photo_queue.RefineQueue, message: str) -> set[str]:
         """As after a stop; without this, what was refined before would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED" if job.refined else "CANCELLED"}

@@ -1,5 +1,9 @@
 """Refine Plate: the camera of a moving plate, as keyframes."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
@@ -50,14 +54,14 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
     }
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         lack = _lack(context.scene)
         if lack:
             cls.poll_message_set(lack)
             return False
         return super().poll(context)
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
             self.asked, (low, high) = True, self._range(context)
         except GssmcError as error:
@@ -68,7 +72,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
             self.end = high
         return context.window_manager.invoke_props_dialog(self, confirm_text="Refine Plate")
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True
         column = self.layout.column(align=True)
         for name in ("start", "end", "step"):
@@ -77,10 +81,10 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         for name in ("smooth_frames", "every_frame", "key_lens"):
             column.prop(self, name)
 
-    def gather(self, context):
+    def gather(self, context: bpy.types.Context) -> SequenceJob:
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
-        splat_object.check_picked(scene, scene.gssmc.splat)
+        splat_object.picked(scene, scene.gssmc.splat)
         low, high = self._range(context)
         start, end = (
             getattr(self, name) if self.properties.is_property_set(name) else default
@@ -93,7 +97,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         problem.begin(self.bl_label, job.reports)
         return job
 
-    def apply(self, context, job, result):
+    def apply(self, context: bpy.types.Context, job: SequenceJob, result: Any) -> set[str]:
         scene, splat, camera = job.find()
         cameras = job.path()
         camera_keys.write(scene, camera, splat, cameras, job.options.key_lens)
@@ -111,7 +115,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
             message = rpt_('"{name}": {summary} 1 key was set.', **values)
         return self.done(context, message, "INFO" if trusted else "WARNING")
 
-    def _range(self, context):
+    def _range(self, context: bpy.types.Context) -> tuple[int, int]:
         """The frames that scene and plate share. Raises RefineError."""
         scene, camera = context.scene, context.scene.camera
         _check_camera(camera)
@@ -123,15 +127,15 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         return (low, high) if low <= high else (first, last)
 
 
-def _check_camera(camera):
+def _check_camera(camera: bpy.types.Object | None) -> None:
     if camera is None or camera.type != "CAMERA":
         raise RefineError(rpt_("The scene has no camera for the plate; use Add Plate in the GS-SMC panel."))
 
 
-def _lack(scene):
+def _lack(scene: bpy.types.Scene) -> str:
     """Why no plate can be refined, as a sentence, without opening its file; "" when one can."""
     try:
-        splat_object.check_picked(scene, scene.gssmc.splat)
+        splat_object.picked(scene, scene.gssmc.splat)
         _check_camera(scene.camera)
     except RefineError as error:
         return str(error)

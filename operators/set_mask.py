@@ -1,5 +1,7 @@
 """Set Mask, Masks From Folder: what is left out of matching, for one photo or for all on the list."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import bpy
@@ -22,19 +24,21 @@ class GSSMC_OT_set_mask(PlainOperator, bpy.types.Operator, FromFile):
     bl_label = "Set Mask"
     bl_options = {"UNDO"}
 
-    filter_image: BoolProperty(default=True, options={"HIDDEN"})
-    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
-    camera: StringProperty(
-        name="Camera", description="Name of the camera object; empty: the scene camera", options={"HIDDEN", "SKIP_SAVE"}
-    )
+    __annotations__ = {
+        "filter_image": BoolProperty(default=True, options={"HIDDEN"}),
+        "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
+        "camera": StringProperty(
+            name="Camera", description="Name of the camera object; empty: the scene camera", options={"HIDDEN", "SKIP_SAVE"}
+        ),
+    }
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         scene = context.scene
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
         before = set(bpy.data.images)
         try:
             photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
-            if photo is None:
+            if camera is None or photo is None:
                 raise CameraError(rpt_("There is no photo to mask; use Add Photo in the GS-SMC panel first."))
             image = _load(self.filepath)
             both = mask_source.MaskedSource(plate_source.source_at(scene, camera, photo), mask_source.source(image))
@@ -54,18 +58,20 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
     bl_label = "Masks From Folder"
     bl_options = {"UNDO"}
 
-    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
-    filter_image: BoolProperty(default=True, options={"HIDDEN"})  # else a full folder looks empty
-    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
+    __annotations__ = {
+        "directory": StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}),
+        "filter_image": BoolProperty(default=True, options={"HIDDEN"}),  # else a full folder looks empty
+        "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
+    }
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if not photo_list.cameras(context.scene):
             cls.poll_message_set("There are no photos on the list; use Add Photos first")
             return False
         return True
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         """Sizes are checked when a photo is refined: reading all of them takes minutes."""
         scene, folder = context.scene, Path(bpy.path.abspath(self.directory))
         cameras = photo_list.cameras(scene)
@@ -84,7 +90,7 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
         return {"CANCELLED"}
 
 
-def _load(path):
+def _load(path: str) -> bpy.types.Image:
     """The mask as a Blender image. Raises CameraError when there is no such file."""
     try:
         return bpy.data.images.load(bpy.path.abspath(path), check_existing=True)

@@ -16,6 +16,7 @@ from ..photo import image as photo_image
 from ..support.texts import rpt_
 
 CALIBRATED = "CALIBRATED"  # of the property `lens_state`
+Distortion = tuple[float, float, float, float, float]  # in the order of DIST_NAMES
 DIST_NAMES = ("k1", "k2", "p1", "p2", "k3")
 MATRIX_TOLERANCE = 1e-4  # float32 through a parent's inverse
 SAME_PIXEL = 1e-6  # relative; Blender keeps float32
@@ -30,7 +31,7 @@ class CameraCopy:
     """
 
     lens: BlenderLens
-    dist: tuple[float, ...]
+    dist: Distortion
     pose: Pose
     frame: tuple[int, int]
     focal_guessed: bool = False
@@ -99,8 +100,9 @@ def photo_pixel(data: bpy.types.Camera, lens: BlenderLens) -> float:
     return data.gssmc.photo_pixel or lens.pixel
 
 
-def read_distortion(data: bpy.types.Camera) -> tuple[float, ...]:
-    return tuple(getattr(data.gssmc, name) for name in DIST_NAMES)
+def read_distortion(data: bpy.types.Camera) -> Distortion:
+    k1, k2, p1, p2, k3 = (getattr(data.gssmc, name) for name in DIST_NAMES)
+    return k1, k2, p1, p2, k3
 
 
 def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, result: Camera) -> None:

@@ -31,6 +31,8 @@ def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orient
 
     `results`: the file of a batch, which holds the verdicts. Raises GssmcError when the scene cannot be saved.
     """
+    if outcome.scene is None:
+        raise GssmcError("This command reads no splat, so there is no scene to save; leave --blend out.")
     for obj in list(bpy.data.objects):
         bpy.data.objects.remove(obj)
     splat_import.add_splat(bpy.context, outcome.scene.stem, read_splats(outcome.scene), orientation)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -16,8 +16,13 @@ from .machine import Job, panel_is_open
 
 log = logging.getLogger(__name__)
 
+if TYPE_CHECKING:
+    OperatorMixin = bpy.types.Operator
+else:
+    OperatorMixin = object  # Blender wants its own class once only, in the operator itself
 
-class Idle:
+
+class Idle(OperatorMixin):
     """A mixin for operators that stand back while a job runs."""
 
     @classmethod
@@ -41,7 +46,7 @@ class Idle:
         return {"CANCELLED"}
 
 
-class Reporter:
+class Reporter(OperatorMixin):
     """A mixin: what an operator has to say, in Blender's report and in the panel's line."""
 
     def done(self, context: bpy.types.Context, message: str, level: str = "INFO", line: str = "") -> set[str]:
@@ -68,15 +73,15 @@ class JobOperator(Idle, Reporter):
         """The job, with all its inputs copied out of Blender. Raises GssmcError."""
         raise NotImplementedError
 
-    def apply(self, context: bpy.types.Context, job: Job, result: Any) -> set[str]:
+    def apply(self, context: bpy.types.Context, job: Any, result: Any) -> set[str]:
         """Writes the result, reports, and gives the operator's own result. Raises GssmcError, with nothing written."""
         raise NotImplementedError
 
-    def stopped(self, context: bpy.types.Context, job: Job) -> set[str]:
+    def stopped(self, context: bpy.types.Context, job: Any) -> set[str]:
         """The operator's result when the user stopped the job."""
         return self.refuse(context, rpt_("The work was cancelled; nothing was changed."), level="INFO")
 
-    def broke_off(self, context: bpy.types.Context, job: Job, message: str) -> set[str]:
+    def broke_off(self, context: bpy.types.Context, job: Any, message: str) -> set[str]:
         """The operator's result when the job could not go on."""
         return self.refuse(context, message)
 

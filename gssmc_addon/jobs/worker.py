@@ -15,7 +15,7 @@ from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
 from ...core.render.sharing import quick_handover
 from ..camera.bridge import CameraCopy
-from ..photo.image import PhotoSource
+from ..photo.source import PhotoSource
 from ..splat.renderer import SplatRenderer
 from ..support.texts import sentence
 

@@ -23,7 +23,7 @@ BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so tha
 
 
 @dataclass(frozen=True)
-class PhotoSource:
+class ImageSource:
     """Where the engine finds a Blender image's pixels: a file, the bytes packed into the .blend, or for OpenEXR, which only
     Blender decodes, its `light` (H, W, 4) float32.
     """
@@ -45,16 +45,16 @@ class PhotoSource:
             return read_photo(file)
 
 
-def photo_source(image: bpy.types.Image) -> PhotoSource:
+def photo_source(image: bpy.types.Image) -> ImageSource:
     """Copies what is needed to read the image later. Raises PhotoError when it has no pixels of its own."""
     path = bpy.path.abspath(image.filepath, library=image.library)
     if image.source == "FILE" and is_exr(image, path):
-        return PhotoSource(image.name, path, light=_light(image))
+        return ImageSource(image.name, path, light=_light(image))
     if image.packed_file:
-        return PhotoSource(image.name, path, bytes(image.packed_file.data))
+        return ImageSource(image.name, path, bytes(image.packed_file.data))
     if image.source != "FILE" or not path:
         raise PhotoError(rpt_('The image "{name}" is not a photo file; add the photo with Add Photo.', name=image.name))
-    return PhotoSource(image.name, path)
+    return ImageSource(image.name, path)
 
 
 def read_any_photo(path: str) -> Photo:

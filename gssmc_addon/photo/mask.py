@@ -10,19 +10,18 @@ import numpy as np
 from ...core.errors import PhotoError
 from ...core.photos.mask import WHITE, with_mask
 from ...core.photos.photo import Photo
-from ..plate.source import FrameSource
 from ..support.texts import rpt_
 from . import image as photo_image
-from .image import PhotoSource
+from .source import PhotoSource
 
-SINGLE = ("FILE", "GENERATED")  # sources of an image that is one picture
+SINGLE: tuple[str, ...] = ("FILE", "GENERATED")  # sources of an image that is one picture
 
 
 @dataclass(frozen=True)
 class MaskedSource:
-    """A photo with its mask; read like a PhotoSource. A mask that Blender alone has pixels of is read already."""
+    """A photo with its mask; itself a PhotoSource. A mask that Blender alone has pixels of is read already."""
 
-    photo: PhotoSource | FrameSource
+    photo: PhotoSource
     mask: PhotoSource | Photo
 
     @property
@@ -39,7 +38,7 @@ class MaskedSource:
         return with_mask(photo, self.mask if isinstance(self.mask, Photo) else self.mask.read())
 
 
-def masked(photo: PhotoSource | FrameSource, mask: PhotoSource | Photo | None) -> PhotoSource | FrameSource | MaskedSource:
+def masked(photo: PhotoSource, mask: PhotoSource | Photo | None) -> PhotoSource:
     """`photo` with what `of` gave for its camera."""
     return photo if mask is None else MaskedSource(photo, mask)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from ..camera import solution as camera_solution
@@ -18,7 +20,18 @@ SAID_LINES = 3
 class GSSMC_UL_photos(bpy.types.UIList):
     """Tick, thumbnail, name, and what came of it."""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index) -> None:
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: Any,
+        item: GssmcPhoto,
+        icon: int,
+        active_data: Any,
+        active_property: str,
+        index: int,
+    ) -> None:
+        """Draws one line. Blender counts the parameters, so the unused ones have to stay."""
         row = layout.row(align=True)
         row.prop(item, "ticked", text="")
         picture = photo_list.thumbnail(item)
@@ -33,13 +46,15 @@ class GSSMC_UL_photos(bpy.types.UIList):
             row.label(text=photo_list.title(item) or iface_("Camera deleted"), translate=False)
         if _error(context.scene, item):  # in full below the list, when the line is picked
             row.label(text="", icon="ERROR")
-        else:
+        elif camera:
             if camera.data.gssmc.mask:
                 row.label(text="", icon="MOD_MASK")
             verdict = camera_solution.verdict(context.scene, camera)
             row.label(text="", icon=camera_props.VERDICT_ICONS[verdict] if verdict != "NONE" else "BLANK1")
 
-    def filter_items(self, context, data, propname):
+    def filter_items(
+        self, context: bpy.types.Context, data: bpy.types.bpy_struct, propname: str
+    ) -> tuple[list[int], list[int]]:
         """By name, as the list's search field asks; the names are the cameras'."""
         items = getattr(data, propname)
         wanted = self.filter_name.lower()

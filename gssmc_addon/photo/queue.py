@@ -114,7 +114,7 @@ class RefineQueue(RetryQueue):
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._cameras = [(entry.camera.session_uid, entry.camera.name) for entry in entries]
         self._renderer = SplatRenderer(copying, settings.threads)
-        self._targets: jobs.Targets | None = None
+        self._targets: dict[int, jobs.Targets] = {}  # of the items that could begin
         self._tried = 0  # starts that the present photo of the second pass has
 
     def close(self) -> None:
@@ -146,7 +146,7 @@ class RefineQueue(RetryQueue):
             raise RefineError(rpt_('The camera "{name}" is no longer in the scene; nothing was changed.', name=name))
         photo = photo_image.camera_photo(camera)
         job = jobs.gather(scene, splat, camera, self.settings, self._renderer)
-        self._targets = job.targets
+        self._targets[item] = job.targets
         if photo and photo.has_data and not photo.is_dirty and camera != scene.camera:
             photo.buffers_free()  # OpenEXR is decoded by Blender, which would keep the pixels of every photo
         return job.inputs
@@ -158,7 +158,7 @@ class RefineQueue(RetryQueue):
         """A try of the second pass is written only when it is better than what there is."""
         before = self._verdict_of.get(item, "")
         if start is None or RANK[report.verdict] > RANK[before]:
-            jobs.apply_report(self._targets, report)
+            jobs.apply_report(self._targets[item], report)
             self._verdict_of[item] = report.verdict
             self._mark_entry(item, note=rpt_('Found from the camera of "{name}".', name=start.name) if start else "")
         if start and before == "failed" != report.verdict:
@@ -245,5 +245,5 @@ def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
 def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings, again: bool = True) -> RefineQueue:
     """The queue of the list's photos. Raises GssmcError when there is no splat or nothing to refine."""
     entries = entries_to_refine(scene, which)
-    splat_object.check_picked(scene, scene.gssmc.splat)
+    splat_object.picked(scene, scene.gssmc.splat)
     return RefineQueue(scene, entries, settings, again)

@@ -54,9 +54,10 @@ class SequenceJob(RetryQueue):
     def __init__(
         self, scene: bpy.types.Scene, camera: bpy.types.Object, options: SequenceOptions, settings: RefineSettings
     ) -> None:
-        self._plate = plate_source.moving_photo(camera)
-        if self._plate is None:
+        plate = plate_source.moving_photo(camera)
+        if plate is None:
             raise PhotoError(plate_source.no_plate(camera))
+        self._plate = plate
         splat = scene.gssmc.splat
         frames = sequence.keyframes(options.start, options.end, options.step)
         copying = SplatCopying(splat)
@@ -139,7 +140,8 @@ class SequenceJob(RetryQueue):
         if self.options.every_frame and len(track) > 1:
             smoothed = [FramePose(frame, pose) for frame, pose in zip(frames, poses, strict=True)]
             filled = list(range(frames[0], frames[-1] + 1))
-            lenses = [self.reports[sequence.nearest(frame, frames)].camera for frame in filled]
+            nearest = [sequence.nearest(frame, frames) for frame in filled]
+            lenses = [self.reports[near].camera for near in nearest if near is not None]  # there is one, for `frames` has two
             frames, poses = filled, sequence.interpolate(smoothed, filled)
         return {frame: replace(lens, pose=pose) for frame, lens, pose in zip(frames, lenses, poses, strict=True)}
 

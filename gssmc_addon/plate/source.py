@@ -11,7 +11,7 @@ from ...core.errors import PhotoError
 from ...core.photos.photo import Photo
 from ...core.photos.plate import DIGITS, Plate, open_plate
 from ..photo import image as photo_image
-from ..photo.image import PhotoSource
+from ..photo.source import PhotoSource
 from ..support.texts import rpt_
 
 MOVING = ("SEQUENCE", "MOVIE")
@@ -19,7 +19,7 @@ MOVING = ("SEQUENCE", "MOVIE")
 
 @dataclass(frozen=True)
 class FrameSource:
-    """One frame of a plate; read like a PhotoSource. `decoded`: the frame, where only Blender decodes it (OpenEXR)."""
+    """One frame of a plate; a PhotoSource. `decoded`: the frame, where only Blender decodes it (OpenEXR)."""
 
     plate: Plate
     number: int
@@ -100,11 +100,12 @@ def _of_image(image: bpy.types.Image, user: bpy.types.ImageUser | None) -> Movin
 
 def _of_clip(clip: bpy.types.MovieClip) -> MovingPhoto:
     plate, first, last = open_plate(bpy.path.abspath(clip.filepath, library=clip.library))
-    here = 1 if plate.is_movie else int(DIGITS.search(plate.path.stem).group())
+    number = DIGITS.search(plate.path.stem)
+    here = int(number.group()) if number and not plate.is_movie else 1
     return MovingPhoto(plate, here - clip.frame_start + clip.frame_offset, first, last)
 
 
-def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> PhotoSource | FrameSource:
+def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> PhotoSource:
     """Where the engine finds the camera's photo: the current frame where it moves. Raises PhotoError."""
     if photo.source not in MOVING:
         return photo_image.photo_source(photo)

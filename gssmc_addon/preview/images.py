@@ -56,10 +56,12 @@ def put_pair(pair: Comparison, key: Key) -> None:
 
 def packed_pair(key: Key) -> tuple[bytes, bytes] | None:
     """The kept photo and render of `key` as PNG, None when they belong to another."""
-    images = [find("photo"), find("render")]
-    if any(image is None or not key.fits(image.get(KEY)) or not image.packed_file for image in images):
+    photo, render = find("photo"), find("render")
+    if photo is None or render is None:
         return None
-    return bytes(images[0].packed_file.data), bytes(images[1].packed_file.data)
+    if any(not key.fits(image.get(KEY)) or not image.packed_file for image in (photo, render)):
+        return None
+    return bytes(photo.packed_file.data), bytes(render.packed_file.data)
 
 
 def unpack_pair(packed: tuple[bytes, bytes]) -> Comparison | None:

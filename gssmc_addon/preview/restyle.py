@@ -71,9 +71,8 @@ def _recompose(own: bpy.types.PropertyGroup, context: bpy.types.Context, any_con
     pair = preview_images.unpack_pair(kept) if kept else None
     if pair is None:
         return False
-    if own.style == "FLICKER":
-        picture = preview_images.find("render")
-    else:
+    picture = preview_images.find("render") if own.style == "FLICKER" else None
+    if picture is None:
         picture = preview_images.put_picture(preview_job.compose(options, pair))
     context.window_manager.gssmc.tell("")  # what was said of the style before
     shown = preview_images.show(picture)

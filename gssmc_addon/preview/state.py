@@ -35,7 +35,7 @@ class GssmcPreview(bpy.types.PropertyGroup):
     """The preview's options as the panel shows them, and whether the flicker runs."""
 
     __annotations__ = {
-        **preview_options.annotations(_style_changed, _position_changed, _background_changed),
+        **preview_options.preview_annotations(_style_changed, _position_changed, _background_changed),
         "flicker": BoolProperty(
             name="Flicker", description="Photo and render take turns, twice a second", default=False, update=flicker.changed
         ),

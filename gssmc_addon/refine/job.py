@@ -105,16 +105,18 @@ def gather(
 
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
-    splat_object.check_picked(scene, splat)
-    photo = _photo_of(camera)
-    _check_photo(camera, photo)
+    splat = splat_object.picked(scene, splat)
+    camera, photo = _with_photo(camera)
     check_choice(settings)
     camera_channels.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = mask_source.masked(plate_source.source_at(scene, camera, photo), mask_source.of(camera))
     _check_memory(splat, photo, settings)
-    copying = None if renderer else SplatCopying(splat)
-    inputs = RefineInputs(renderer or SplatRenderer(copying, settings.threads), source, copy, settings)
+    copying = None
+    if renderer is None:
+        copying = SplatCopying(splat)
+        renderer = SplatRenderer(copying, settings.threads)
+    inputs = RefineInputs(renderer, source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs, copying)
 
 
@@ -122,20 +124,23 @@ def _photo_of(camera: bpy.types.Object | None) -> bpy.types.Image | None:
     return photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
 
 
-def _check_photo(camera: bpy.types.Object | None, photo: bpy.types.Image | None) -> None:
+def _with_photo(camera: bpy.types.Object | None) -> tuple[bpy.types.Object, bpy.types.Image]:
+    """The camera with its photo. Raises RefineError when one of them is missing."""
+    photo = _photo_of(camera)
     if camera is None or camera.type != "CAMERA":
         raise RefineError(rpt_("The scene has no camera for the photo; use Add Photo in the GS-SMC panel."))
     if photo is None:
         raise RefineError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
+    return camera, photo
 
 
 def missing(scene: bpy.types.Scene) -> str:
     """Why no photo of the scene can be refined or looked at, for a poll; "" when one can. Scripts may name any camera."""
     try:
-        splat_object.check_picked(scene, scene.gssmc.splat)
+        splat_object.picked(scene, scene.gssmc.splat)
         camera, photo = scene.camera, _photo_of(scene.camera)
         if photo is None and not any(photo_image.camera_photo(o) for o in scene.objects if o.type == "CAMERA"):
-            _check_photo(camera, photo)
+            _with_photo(camera)
     except RefineError as error:
         return str(error)
     return ""
@@ -167,7 +172,7 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
             photo_camera.stop_moving_with_view()
     else:
         camera_props.write_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
-    values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
+    values: dict[str, object] = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
     values |= {"verdict": iface_(camera_props.VERDICT_NAMES[report.verdict.upper()]).lower(), "seconds": report.seconds}

@@ -8,13 +8,14 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ...core.features.nets.models import KNOWN, KnownModel, find_model, recognise
-from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS, ExtractorKind, MatcherKind
 from ...core.render.memory import machine_bytes
 from ..support import log_file
 from ..support.texts import iface_, n_
 
 PACKAGE = __package__.rsplit(".", 2)[0]  # the extension's own, by which Blender keeps its preferences
-LEARNED = {name: kind for name, kind in {**EXTRACTORS, **MATCHERS}.items() if kind.needs_model}
+_KINDS: dict[str, ExtractorKind | MatcherKind] = {**EXTRACTORS, **MATCHERS}
+LEARNED = {name: kind for name, kind in _KINDS.items() if kind.needs_model}
 ONLINE_HINT = n_("Downloads need Allow Online Access in Preferences > System")
 NO_ADDRESS = n_("No address is set: put the file in by hand, or ask your studio where its models lie")
 AUTO_MODEL = "aliked"

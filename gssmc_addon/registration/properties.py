@@ -6,6 +6,7 @@ The state of a running job is not among it (see jobs): a saved file never says t
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
@@ -60,6 +61,10 @@ class GssmcScene(bpy.types.PropertyGroup):
 class GssmcWindow(bpy.types.PropertyGroup):
     """On the window manager, hence never saved: the last message of an operator, and panel state."""
 
+    if TYPE_CHECKING:  # what `tell` sets, and mypy would otherwise look for in here
+        message: str
+        message_icon: str
+
     __annotations__ = {
         "message": StringProperty(name="Message", description="What the last operation said"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
@@ -71,8 +76,9 @@ class GssmcWindow(bpy.types.PropertyGroup):
 
     def tell(self, message: str, icon: str = "INFO") -> None:
         """Sets the message. The same again is not written, for Blender draws the whole window anew then."""
-        if (self.message, self.message_icon) != (message, icon):
-            self.message, self.message_icon = message, icon
+        if self.message != message or self.message_icon != icon:
+            self.message = message
+            self.message_icon = icon
 
 
 classes = (GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)

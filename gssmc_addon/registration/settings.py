@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
@@ -49,7 +50,7 @@ def _title(name: str) -> str:
     return f"{words} ({unit})" if unit else words
 
 
-def _limits(option: Option) -> dict[str, float]:
+def _limits(option: Option) -> dict[str, Any]:
     """What may be typed, which is just what the engine accepts, and what a slider offers."""
     if option.low is None or option.high is None:
         return {}
@@ -58,7 +59,7 @@ def _limits(option: Option) -> dict[str, float]:
     return {"min": option.low, "max": option.high, "soft_min": soft_low, "soft_max": soft_high}
 
 
-def quality_annotation() -> EnumProperty:
+def quality_annotation() -> Any:
     """What is chosen instead of single settings. It keeps nothing of its own: it is read from the settings, and sets them."""
     return EnumProperty(
         name="Quality",
@@ -102,7 +103,7 @@ def settings_annotations() -> dict[str, object]:
         if field.name in MODEL_OF:
             continue
         option = OPTIONS[field.name]
-        common = {"name": _title(field.name), "description": _sentence(option.help), "default": field.default}
+        common: dict[str, Any] = {"name": _title(field.name), "description": _sentence(option.help), "default": field.default}
         if option.choices:
             annotations[field.name] = EnumProperty(items=CHOICES[field.name], **common)
         elif isinstance(field.default, bool):
@@ -125,13 +126,13 @@ def model_annotations() -> dict[str, object]:
 
 
 def settings_from(
-    owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None, **fixed: object
+    owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None, **fixed: Any
 ) -> RefineSettings:
     """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win, and `fixed` wins over both.
 
     Model files are the preferences'.
     """
-    values = {}
+    values: dict[str, Any] = {}
     for option in fields(RefineSettings):
         if option.name in MODEL_OF:
             given = bpy.path.abspath(getattr(overrides, option.name)) if overrides else ""

@@ -122,7 +122,8 @@ class SplatCopying:
         pairs = zip(self._room, self._wanted, strict=False)
         arrays = [array.reshape(self._count, components) for array, (_, components) in pairs]
         self._room = []
-        return SplatCopy(*arrays[: len(SHAPE)], tuple(arrays[len(SHAPE) :]))
+        means, scales, rotations, base, *bands = arrays
+        return SplatCopy(means, scales, rotations, base, tuple(bands))
 
     def _make_room(self, compare: bool = True) -> None:
         try:

@@ -30,7 +30,6 @@ class SplatImport(Job):
         super().__init__(self._steps)
         self.status = iface_("Importing {file}    Esc: cancel", file=path.name)
         self.step = n_("Reading the splat")
-        self.scene: GaussianScene | None = None
         self._path, self._placement, self._viewport = path, placement, viewport
         self._read_share = 0.0  # written by the thread
         self._building: Building | None = None
@@ -49,7 +48,7 @@ class SplatImport(Job):
         self._read_share = fraction
 
     def on_progress(self, news: ReadSplat) -> None:
-        self.scene, self.step = news.scene, n_("Making the splat")
+        self.step = n_("Making the splat")
         self._building = Building(self._path.stem, news, self._placement)
 
     def advance(self) -> SplatImport | None:
@@ -65,11 +64,16 @@ class SplatImport(Job):
         self.fraction = READING + (1 - READING) * self._building.fraction
         return self if self._built and self._look else None
 
-    def finish(self, context: bpy.types.Context) -> bpy.types.Object:
-        """The splat object, in the scene. Raises SplatFormatError when its data is gone."""
-        obj = self._building.finish(context, self._look)
+    def finish(self, context: bpy.types.Context) -> tuple[bpy.types.Object, GaussianScene]:
+        """The splat object, in Blender's scene, and what the file held.
+
+        Raises SplatFormatError when its data is gone, Cancelled after `cancel`.
+        """
+        if self._building is None or self._look is None:
+            raise Cancelled(n_("The import was cancelled; nothing was changed."))
+        obj, scene = self._building.finish(context, self._look), self._building.scene
         self._building = None
-        return obj
+        return obj, scene
 
     def cancel(self) -> None:
         """Also removes what was made so far, unless `finish()` has brought it into the scene."""

@@ -108,7 +108,7 @@ class Building:
     """
 
     def __init__(self, name: str, read: ReadSplat, placement: Placement) -> None:
-        self._name, self._scene, self._placement = name, read.scene, placement
+        self.scene, self._name, self._placement = read.scene, name, placement
         cloud = cloud_size.new_cloud(name, len(read.scene))
         self._uid = cloud.session_uid
         self._attributes = splat_object.splat_attributes(read.scene, read.base)
@@ -136,7 +136,7 @@ class Building:
 
     def finish(self, context: bpy.types.Context, look: SplatDisplay) -> bpy.types.Object:
         """The object, placed, linked, active and picked."""
-        cloud, place, scene = self._cloud(), self._placement, self._scene
+        cloud, place, scene = self._cloud(), self._placement, self.scene
         splat_object.set_native_type(cloud)
         if not splat_object.is_native(cloud):
             splat_display.dress_splat(cloud, look.radius)

@@ -17,7 +17,7 @@ class SplatRenderer:
     """
 
     def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False) -> None:
-        self._copying: SplatCopying | None = copying
+        self._copying = copying  # holds nothing any more once the renderer is made
         self._threads, self._single = threads, single
         self._renderer: Renderer | ProcessRenderer | None = None
         self._closed = False
@@ -29,7 +29,6 @@ class SplatRenderer:
             scene = self._copying.copy().assemble()
             settings = RenderSettings.for_scene(scene, threads=self._threads)
             renderer = Renderer(scene, settings) if self._single else ProcessRenderer(scene, settings, interactive=True)
-            self._copying = None
             with self._lock:
                 self._renderer = renderer
             if self._closed:
@@ -40,5 +39,5 @@ class SplatRenderer:
         """Ends the processes; a refinement that still draws ends with Cancelled. Any thread, also before `get`."""
         with self._lock:
             self._closed, renderer = True, self._renderer
-        if renderer and not self._single:
+        if isinstance(renderer, ProcessRenderer):
             renderer.close()

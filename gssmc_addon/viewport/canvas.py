@@ -107,7 +107,8 @@ class Canvas:
         for buffer in (self._shown, self._next):
             if buffer:
                 buffer.free()
-        self.__init__()
+        self._shown = self._next = self._work = None
+        self._shown_key = None
 
     def _paint_at_once(self, painter: Painter, draw: SplatDraw, ground: Ground, budget: Budget) -> None:
         self._shown = _sized(self._shown, ground.size)
@@ -128,7 +129,7 @@ class Canvas:
             return False
         part = work.part(budget.slice)
         start = time.perf_counter()
-        if work.done == 0:
+        if work.done == 0 or self._next is None:
             self._next = _sized(self._next, work.ground.size)
         with self._next.bind():
             if work.done == 0:

@@ -36,7 +36,9 @@ def prepare(arrays: tuple[np.ndarray, ...], known: int | None = None) -> Prepare
     checksum = 0
     for array in arrays:
         checksum = zlib.crc32(np.ascontiguousarray(array, np.float32), checksum)
-    return Prepared(None if checksum == known else build_tables(*arrays, LIMIT), checksum)
+    means, scales, rotations, base = arrays
+    tables = None if checksum == known else build_tables(means, scales, rotations, base, LIMIT)
+    return Prepared(tables, checksum)
 
 
 @dataclass

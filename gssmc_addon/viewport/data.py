@@ -58,8 +58,8 @@ def build_tables(means: np.ndarray, scales: np.ndarray, rotations: np.ndarray, b
         for table in (place, shape, color):
             table[at][bad] = 0.0
     shuffled = np.ascontiguousarray(place[:count, :3])
-    whole = (table.reshape(-1, TABLE_WIDTH, 4) for table in (place, shape, color))
-    return SplatTables(count, shuffled, *whole, near_distance(shuffled))
+    places, shapes, colors = (table.reshape(-1, TABLE_WIDTH, 4) for table in (place, shape, color))
+    return SplatTables(count, shuffled, places, shapes, colors, near_distance(shuffled))
 
 
 def _covariances(scales: np.ndarray, rotations: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 MOST = 4  # as many as the shader takes
 STILL = ("FILE", "GENERATED")  # of the others only Blender knows which frame shows
@@ -40,7 +40,7 @@ def front_pictures(context: bpy.types.Context) -> list[FrontPicture]:
     return [picture for picture in found if picture is not None][-MOST:]
 
 
-def _border(scene: bpy.types.Scene, data: bpy.types.Camera, projection: object) -> np.ndarray:
+def _border(scene: bpy.types.Scene, data: bpy.types.Camera, projection: Matrix) -> np.ndarray:
     """Lower left and upper right corner (2, 2) of the camera's frame, in 0..1 of the region."""
     corners = []
     for corner in data.view_frame(scene=scene):

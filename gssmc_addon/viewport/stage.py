@@ -87,7 +87,7 @@ class Stage:
     def _draw_one(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, depth: Depth) -> bool:
         """Brings the splat's picture up to date; False when there is nothing to draw it of."""
         textures, version = self.clouds.get(obj.data.session_uid)
-        if textures is None:
+        if textures is None or self.painter is None or self.budget is None:
             return False
         region = context.region_data
         matrix = region.view_matrix @ obj.matrix_world
@@ -115,7 +115,7 @@ class Stage:
     def _plan(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, textures: SplatTextures) -> None:
         """Decides how many to draw, and asks for their order when that or the direction has changed."""
         view.limit = min(textures.count, obj.gssmc.max_shown)
-        view.count = view.limit if view.rests() else min(view.limit, self.budget.moving)
+        view.count = view.limit if view.rests() or self.budget is None else min(view.limit, self.budget.moving)
         direction = np.array(view.seen[0].row[2][:3], np.float32)
         direction /= max(float(np.linalg.norm(direction)), 1e-30)
         if view.asked:
