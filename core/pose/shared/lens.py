@@ -21,18 +21,18 @@ MAX_LOG_STEP = 0.2
 
 
 @dataclass(frozen=True)
-class LensCamera:
+class CameraUnknowns:
     """The unknowns of a fit: a pose, and the intrinsics (of the image that is matched)."""
 
     pose: Pose
     intrinsics: Intrinsics
 
-    def moved(self, step: FloatArray) -> LensCamera:
+    def moved(self, step: FloatArray) -> CameraUnknowns:
         """After a step (6 + free lens numbers,): T <- exp(xi) T, f <- f exp(.), the rest added."""
         lens = np.zeros(len(NAMES))
         lens[: len(step) - 6] = step[6:]
         k = moved_lens(self.intrinsics, lens) if len(step) > 6 else self.intrinsics
-        return LensCamera(se3_exp(step[:6]) @ self.pose, k)
+        return CameraUnknowns(se3_exp(step[:6]) @ self.pose, k)
 
 
 def moved_lens(k: Intrinsics, step: FloatArray) -> Intrinsics:

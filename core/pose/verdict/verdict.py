@@ -8,13 +8,14 @@ of the corners (least with 40 % of the photo covered), poses of another place, o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...geometry.camera import Intrinsics, Pose
 from ..final.solution import FittedCamera
 from ..report import PoseQuality, Verdict
+from ..shared.corners import filled_cells
 from ..shared.matches import ViewMatches
 from . import sentences
 from .verify import FinalView
@@ -51,12 +52,12 @@ LOOP_SHARED_ERROR = 5.7
 
 @dataclass(frozen=True)
 class LoopMatches:
-    """The loop's matches, found without knowing the answer: of each view, made with the pinhole `camera`; and the median
+    """The loop's matches, found without knowing the answer: of each view, made with the intrinsics `pinhole`; and the median
     rendered depth there, scene units.
     """
 
     views: Sequence[ViewMatches]
-    camera: Intrinsics
+    pinhole: Intrinsics
     median_depth: float
 
 
@@ -66,18 +67,12 @@ def assess(solution: FittedCamera, loop: LoopMatches, final: FinalView, photo: I
     pose, matched = solution.camera.pose, solution.camera.intrinsics
     photo_px = max(photo.width, photo.height) / max(matched.width, matched.height)
     shared = LOOP_SHARED_ERROR if solution.stage == "loop" else SHARED_ERROR
-    return PoseQuality(
+    return replace(
+        _render_evidence(pose, final, photo, depth),
         of="refined",
-        pose=pose,
-        photo_long_side_px=max(photo.width, photo.height),
-        median_depth=depth,
-        corners=final.corners,
-        agreement=final.agreement,
-        offset_px_of_photo=final.offset_px_of_photo,
-        similarity=final.similarity,
         views_used=len(loop.views),
         inliers=sum(len(v) for v in loop.views),
-        coverage=_coverage(loop.views, loop.camera),
+        coverage=_coverage(loop.views, loop.pinhole),
         rms_px_of_photo=photo_px * solution.rms_px,
         disagreement_pct=100 * solution.apart_units / depth,
         disagreement_deg=solution.apart_deg,
@@ -90,6 +85,11 @@ def assess(solution: FittedCamera, loop: LoopMatches, final: FinalView, photo: I
 
 def assess_start(pose: Pose, final: FinalView, photo: Intrinsics, depth: float) -> PoseQuality:
     """The evidence for a start camera that is kept: what the splat rendered through it shows, for no fit had a part in it."""
+    return _render_evidence(pose, final, photo, depth)
+
+
+def _render_evidence(pose: Pose, final: FinalView, photo: Intrinsics, depth: float) -> PoseQuality:
+    """The part of the evidence that the final render alone gives."""
     return PoseQuality(
         of="start",
         pose=pose,
@@ -144,9 +144,7 @@ def fits_better(start: FinalView, refined: FinalView, margin: float) -> bool:
     return start.corners >= MIN_CORNERS and start.agreement > refined.agreement + margin
 
 
-def _coverage(views: Sequence[ViewMatches], camera: Intrinsics) -> float:
+def _coverage(views: Sequence[ViewMatches], pinhole: Intrinsics) -> float:
     """Share of the photo's CELLS x CELLS cells with at least one match in any view."""
     points = np.concatenate([v.query for v in views]) if views else np.zeros((0, 2))
-    pixels = points * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-    cells = np.clip((pixels / (camera.width, camera.height) * CELLS).astype(int), 0, CELLS - 1)
-    return len(np.unique(cells, axis=0)) / CELLS**2
+    return filled_cells(pinhole.to_pixels(points), (pinhole.width, pinhole.height), CELLS) / CELLS**2
