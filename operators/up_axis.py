@@ -32,7 +32,7 @@ class GSSMC_OT_up_axis(PlainOperator, bpy.types.Operator):
         count = upright.change(context.scene, splat, self.axis)
         values = {"axis": iface_(up_axis.AXIS_WORDS[self.axis]), "count": count}
         if count == 1:
-            return self.done(context, rpt_("{axis}: the splat was turned, and the camera of its photo with it.", **values))
+            return self.done(context, rpt_("{axis}: the splat was turned, and 1 camera with it.", **values))
         if count:
             return self.done(context, rpt_("{axis}: the splat was turned, and {count} cameras with it.", **values))
         return self.done(context, rpt_("{axis}: the splat was turned.", **values))

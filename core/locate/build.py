@@ -10,14 +10,14 @@ import numpy as np
 
 from ..geometry.camera import Camera
 from ..splats.scene import GaussianScene
-from .explore import Scout, chosen
-from .eye import Eye, square_camera
 from .file import map_key, scan_digest
-from .known import expected_depth, spread_cameras
 from .landmarks import LandmarkMap, MapView
 from .settings import MapSettings
-from .surface import sample_surface
-from .viewpoints import Candidate, candidate_views, measured_ratio, spread_out
+from .viewpoints.candidates import Candidate, candidate_views, measured_ratio, spread_out
+from .viewpoints.explore import Scout, chosen
+from .viewpoints.eye import Eye, square_camera
+from .viewpoints.known import expected_depth, spread_cameras
+from .viewpoints.surface import sample_surface
 
 log = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..features.types import Features
 from ..geometry.camera import Pose
-from .eye import RenderedFeatures
+from .viewpoints.eye import RenderedFeatures
 
 DESCRIPTOR_SCALE = 512.0  # RootSIFT's components are below a half but for degenerate patches; 8 bits lose no match
 

@@ -208,8 +208,8 @@ class _Part:
 
 @contextmanager
 def open_payload(path: Path, header: SpzHeader) -> Iterator[Payload]:
-    """The attributes of a file, which are unpacked once, while they are read. Whoever reads them allocates only for bytes that
-    have come, and asks `check_end` at the end.
+    """The attributes of a file, which are unpacked once, while they are read. Whoever reads them believes the header's count
+    only once the first attribute has come, and asks `check_end` at the end.
 
     Raises SplatFormatError when they are cut off, damaged, or suspiciously many for the file's size.
     """

@@ -95,17 +95,18 @@ def note(extension, scene, *reasons):
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_panel_is_as_high_before_a_refinement_as_while_it_runs_and_after(bpy, scene, extension, width):
-    jobs, own = extension("gssmc_addon.refine.job"), bpy.context.window_manager.gssmc
+    jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
+    own = bpy.context.window_manager.gssmc
     before = height(bpy, extension, width)
     job = jobs.gather(scene, scene.gssmc.splat, scene.camera, extension("core.pose.settings").RefineSettings())
-    jobs.begin(bpy.context, job)
+    slot.begin(bpy.context, job)
     try:
         heights = [height(bpy, extension, width)]
         job.detail = "Iteration 2 of 5"
         heights.append(height(bpy, extension, width))
     finally:
         job.cancel()
-        jobs.end(job)
+        slot.end(job)
         job.join(60)
     note(extension, scene, "Short.")
     heights.append(height(bpy, extension, width))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from core.locate.panorama import CELLS, cell_directions, cube_cells, panorama_at, view_directions
-from core.locate.surface import Surface, sample_surface
-from core.locate.viewpoints import candidate_views, measured_ratio, spread_out
+from core.locate.viewpoints.candidates import candidate_views, measured_ratio, spread_out
+from core.locate.viewpoints.panorama import CELLS, cell_directions, cube_cells, panorama_at, view_directions
+from core.locate.viewpoints.surface import Surface, sample_surface
 from core.render.constants import SH_C0
 from core.splats.scene import GaussianScene
 

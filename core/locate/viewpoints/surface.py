@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..geometry.camera import FloatArray
-from ..render.constants import SH_C0
-from ..splats.scene import GaussianScene
+from ...geometry.camera import FloatArray
+from ...render.constants import SH_C0
+from ...splats.scene import GaussianScene
 
 Float32Array = NDArray[np.float32]
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..geometry.camera import Camera, Pose
+from ...geometry.camera import Camera, Pose
+from .candidates import CONE_COS, SIGMA_LOG, weighted_median
 from .panorama import panorama_at
 from .surface import Surface
-from .viewpoints import CONE_COS, SIGMA_LOG, weighted_median
 
 TURN_WORTH = 60.0  # degrees of turn that count as much as moving by the depth
 

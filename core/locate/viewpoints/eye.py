@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..features.extractors.sift import RootSift
-from ..features.types import Extractor, Features
-from ..geometry.camera import FloatArray, Intrinsics, Pose
-from ..pose.search.observe import grey_of
-from ..pose.shared.surface import MIN_ALPHA
-from ..render.renderer import Renderer
-from ..render.tables import SceneTables, build_tables
-from ..render.view import RenderSettings
-from ..splats.scene import GaussianScene
+from ...features.extractors.sift import RootSift
+from ...features.types import Extractor, Features
+from ...geometry.camera import FloatArray, Intrinsics, Pose
+from ...pose.search.observe import grey_of
+from ...pose.shared.surface import MIN_ALPHA
+from ...render.renderer import Renderer
+from ...render.tables import SceneTables, build_tables
+from ...render.view import RenderSettings
+from ...splats.scene import GaussianScene
 
 FIELD_DEG = 65.0
 NEAR_RATIO = 0.2  # of the depth: floaters beside the camera would stand before everything

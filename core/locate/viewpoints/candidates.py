@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.camera import FloatArray
+from ...geometry.camera import FloatArray
 from .panorama import CELLS, Panorama, cell_directions, panorama_at, view_directions
 from .surface import Surface
 

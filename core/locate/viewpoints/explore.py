@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..features.matchers.nearest import MutualNearest
-from ..geometry.camera import FloatArray, Pose
-from ..geometry.lie import so3_exp
+from ...features.matchers.nearest import MutualNearest
+from ...geometry.camera import FloatArray, Pose
+from ...geometry.lie import so3_exp
+from .candidates import Viewpoint
 from .eye import Eye, RenderedFeatures, facing, square_camera
 from .panorama import facing_log
 from .surface import Surface
-from .viewpoints import Viewpoint
 
 FIRST_LOOK_PX = 144
 BASELINE = 0.12  # between the two eyes, of the depth

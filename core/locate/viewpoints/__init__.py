@@ -1,0 +1,1 @@
+"""From where a scan is best looked at: its surface, candidate views, and what is seen from them."""
