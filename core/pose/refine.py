@@ -127,7 +127,7 @@ class _Refinement:
     def finish(
         self, photo: PhotoFeatures, answer: Answer, iterations: int, rng: np.random.Generator
     ) -> Generator[RefineProgress, None, tuple[FittedCamera, FinalView]]:
-        """The last stage after the loop, and the independent look at what it gave."""
+        """The last stage after the loop, and how well the render at its answer agrees with the photo."""
         image = photo.image.with_intrinsics(answer.intrinsics)
         solution: FittedCamera | None = None
         if self.settings.has_final_stage:
@@ -160,7 +160,7 @@ class _Refinement:
     def full_size(self, camera: CameraUnknowns) -> Camera:
         """The camera for the photo at its full size; the given lens itself where it was not solved for."""
         given = self.start.intrinsics
-        if self.mode == "fixed":  # the last stage frees nothing of a lens that is held
+        if self.mode == "fixed":
             return replace(self.start, pose=camera.pose)
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
         return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)

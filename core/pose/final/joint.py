@@ -88,7 +88,7 @@ class JointFit:
     kind: FitKind
 
     def halves(self) -> list[CameraUnknowns]:
-        """The answers from here of every other view, and of those between."""
+        """The cameras that two halves of the views give (every second view, and the views between), each fit started here."""
         return [fit_joint(self.camera, self.problem.part(slice(i, None, 2)), self.kind).camera for i in (0, 1)]
 
 

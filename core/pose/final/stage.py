@@ -41,7 +41,7 @@ AUTO_MARGIN = 0.97
 
 @contextmanager
 def view_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
-    """Threads that draw and match views side by side; 0 = one per core. What has not begun is dropped at the end."""
+    """Threads that draw and match views side by side; 0 = one per core. At the end, views that have not begun are dropped."""
     pool = ThreadPoolExecutor(threads or os.cpu_count() or 1, thread_name_prefix="gssmc-view")
     try:
         yield pool

@@ -43,9 +43,9 @@ TRUSTED_FOCAL_STD_PCT = 1.0
 # On two scans the gain reached 29 per cent with the right lens, and lay between 27 and 59 per cent without its distortion.
 TRUSTED_LENS_GAIN_PCT = 32.0
 
-# A fit's covariance knows the noise of its matches, not where the splat itself is off, which all views share. On two scans the
-# errors of pose and focal length were 1.8 and 2.3 times (RMS) what the last stage's fit said; those of the loop's answer,
-# whose fit takes all matches for independent, 5.7 times (14 near starts, final "none").
+# The covariance of a fit contains the noise of its matches, but not the errors of the splat itself, which all views share. On
+# two scans the errors of pose and focal length were 1.8 and 2.3 times (RMS) the deviations from the last stage's fit. Those of the
+# loop's answer, whose fit takes all matches for independent, were 5.7 times the deviations (14 near starts, final "none").
 SHARED_ERROR = 2.0
 LOOP_SHARED_ERROR = 5.7
 
@@ -115,7 +115,8 @@ def judge(quality: PoseQuality) -> tuple[Verdict, tuple[str, ...]]:
 
 
 def _doubts(q: PoseQuality) -> list[str]:
-    # Each comparison is false for NaN, and so are those that must doubt a figure that there is not: hence `not <=` there.
+    # A comparison with NaN, which stands for an unknown figure, is false. Where an unknown figure is a reason for doubt, the
+    # test is therefore written `not <=`.
     apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
     checks = [
         (q.corners < MIN_CORNERS, sentences.few_corners),
@@ -133,7 +134,7 @@ def _doubts(q: PoseQuality) -> list[str]:
 
 
 def rms_px(q: PoseQuality) -> float:
-    """The RMS in the one unit of its threshold, whatever size the photo has and was matched at."""
+    """The RMS in the unit of TRUSTED_RMS_PX, whatever size the photo has and was matched at."""
     return q.rms_px_of_photo * min(1.0, RMS_LONG_SIDE_PX / q.photo_long_side_px)
 
 
