@@ -14,8 +14,10 @@ from ..errors import SplatFormatError
 from ..geometry.camera import Camera
 from ..pose.settings import RefineSettings
 
-KEY_VERSION = 2  # to be raised when the same input gets other answers, or records another form
-BLOCKS, BLOCK_BYTES = 64, 1 << 16  # of a scan, which may have gigabytes
+# To be raised when the same input gets other answers, or when records take another form.
+KEY_VERSION = 2
+# Of a scan, which may have gigabytes, so many blocks of so many bytes are read.
+BLOCKS, BLOCK_BYTES = 64, 1 << 16
 
 Stamp = tuple[int, int] | None
 

@@ -13,7 +13,8 @@ from ..errors import DatasetError, PhotoError, UsageError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 
-LENS_OF_UNREADABLE = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of a photo that cannot be read
+# The lens of a photo that cannot be read; the photo is refused when its turn comes.
+LENS_OF_UNREADABLE = Intrinsics(1920, 1080, 1920, 1920, 960, 540)
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ def find_queries(args: argparse.Namespace) -> BatchPhotos:
         found = _from_cameras(args.queries, args.start, args.focal)
     if args.poses is not None:
         for camera in found.cameras:
-            checked(camera.file)  # found out before hours of work, not after
+            # A name that cannot be written is found before hours of work, not after them.
+            checked(camera.file)
     return found
 
 

@@ -32,7 +32,8 @@ def main() -> int:
         scene = read_splats(first["scene"])
     except GssmcError as error:
         requests.answer({"error": str(error)})
-        requests.next()  # never comes: whoever heard that ends this process
+        # No request comes, because whoever receives that answer ends this process.
+        requests.next()
         return 0
     renderer, settings = Renderer(scene, RenderSettings.for_scene(scene, threads=1)), RefineSettings(**first["settings"])
     requests.answer({"dropped": scene.dropped})

@@ -21,7 +21,8 @@ from ..geometry.camera import Camera, Intrinsics, Pose
 from ..support.atomic import atomic_write
 
 T = TypeVar("T")
-SOLVED_LENSES = ("focal", "radial", "full")  # of a result's "lens": what was solved for, which is no calibration
+# Values of a result's "lens" that mean that the lens was solved for. Such a lens is no calibration.
+SOLVED_LENSES = ("focal", "radial", "full")
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 
 

@@ -24,7 +24,8 @@ COMMANDS = {
     "convert": convert,
     "features": features,
 }
-WITHOUT_SCENE = frozenset({"evaluate", "convert", "features"})  # a caller that saves scenes has nothing to add to them
+# Subcommands that need no scene; a caller that saves scenes has nothing to add to them.
+WITHOUT_SCENE = frozenset({"evaluate", "convert", "features"})
 
 
 def build_parser(

@@ -9,7 +9,8 @@ from types import TracebackType
 from .console import message
 
 WIDTH = 28
-MIN_GAIN = 0.02  # a guess from less is worth nothing
+# The remaining time is not estimated from less progress than this.
+MIN_GAIN = 0.02
 
 
 class ProgressBar:

@@ -9,6 +9,7 @@ import numpy as np
 from ..features.frontend import Frontend
 from ..pose.search.depth_pnp import ransac_pose
 from ..pose.search.observe import PhotoFeatures, observe
+from ..pose.shared.corners import filled_cells
 from ..pose.shared.matches import world_points
 from ..render.view import ViewRenderer, sole_renderer
 from .hypotheses import GRID, Hypothesis
@@ -38,8 +39,7 @@ def checked(renderer: ViewRenderer, query: PhotoFeatures, hypothesis: Hypothesis
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.linalg.norm(p[:, :2] / p[:, 2:] - seen, axis=1) * photo.pinhole.focal
     good = (p[:, 2] > 0) & (error < CHECK_PX)
-    pixels = seen[good] * (lens.fx, lens.fy) + (lens.cx, lens.cy)
-    cells = len(np.unique(np.clip(pixels / (lens.width, lens.height) * GRID, 0, GRID - 1).astype(int), axis=0))
+    cells = filled_cells(lens.to_pixels(seen[good]), (lens.width, lens.height), GRID)
     moved = float(np.linalg.norm(pose.centre - hypothesis.pose.centre))
     if good.sum() < CHECK_INLIERS or cells < CHECK_CELLS or moved > STAY_RATIO * hypothesis.depth:
         return None

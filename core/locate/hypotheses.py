@@ -9,11 +9,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry.camera import FloatArray, Pose, rotation_angle_deg
 from ..pose.search.depth_pnp import ScaledPose, polish, ransac_pose
 from ..pose.search.observe import PhotoFeatures
+from ..pose.shared.corners import filled_cells
 from .matching import Pairs
 
 GRID = 6  # cells along each side of the photo, as in the verdict's coverage
@@ -116,15 +116,9 @@ def judged(query: PhotoFeatures, pool: Pairs, pose: Pose, factor: float) -> Hypo
     features = np.unique(pool.feature[near])
     if len(features) < MIN_INLIERS:
         return None
-    depth = float(np.median(pose.transform(pool.points[near])[:, 2]))
-    return Hypothesis(pose, factor, len(features), filled_cells(query, features), depth)
-
-
-def filled_cells(query: PhotoFeatures, features: NDArray[np.intp]) -> int:
-    """How many of the photo's GRID x GRID cells hold one of these features."""
-    size = (query.image.intrinsics.width, query.image.intrinsics.height)
-    cells = np.clip((query.features.keypoints[features] / size * GRID).astype(int), 0, GRID - 1)
-    return len(np.unique(cells, axis=0))
+    depth, lens = float(np.median(pose.transform(pool.points[near])[:, 2])), query.image.intrinsics
+    cells = filled_cells(query.features.keypoints[features], (lens.width, lens.height), GRID)
+    return Hypothesis(pose, factor, len(features), cells, depth)
 
 
 def errors_px(query: PhotoFeatures, pairs: Pairs, pose: Pose, factor: float) -> FloatArray:

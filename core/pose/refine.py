@@ -20,7 +20,7 @@ from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, Re
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
 from .search.observe import PhotoFeatures, extract_photo_features
 from .settings import RefineSettings
-from .shared.lens import LensCamera, LensMode
+from .shared.lens import CameraUnknowns, LensMode
 from .shared.working import WorkingPhoto
 from .verdict import sentences
 from .verdict.verdict import LoopMatches, assess, assess_start, fits_better, judge
@@ -127,7 +127,7 @@ class _Refinement:
     def finish(
         self, photo: PhotoFeatures, answer: Answer, iterations: int, rng: np.random.Generator
     ) -> Generator[RefineProgress, None, tuple[FittedCamera, FinalView]]:
-        """The last stage after the loop, and the independent look at what it gave."""
+        """The last stage after the loop, and how well the render at its answer agrees with the photo."""
         image = photo.image.with_intrinsics(answer.intrinsics)
         solution: FittedCamera | None = None
         if self.settings.has_final_stage:
@@ -144,7 +144,7 @@ class _Refinement:
     ) -> Generator[RefineProgress, None, FittedCamera | None]:
         photo = WorkingPhoto.of(self.photo, self.start.intrinsics, self.settings.final_long_side_px)
         size = (photo.intrinsics.width, photo.intrinsics.height)
-        start = LensCamera(answer.fit.pose, answer.intrinsics.resized(*size))
+        start = CameraUnknowns(answer.fit.pose, answer.intrinsics.resized(*size))
         work = FinalStage(self.renderer, self.settings, photo.intrinsics, self.mode).run(photo, start, rng)
         fraction = LOOP_SHARE
         while True:
@@ -157,10 +157,10 @@ class _Refinement:
             fraction += 0.05 * (0.97 - fraction)
             yield RefineProgress(iterations, self.settings.iterations, step, fraction)
 
-    def full_size(self, camera: LensCamera) -> Camera:
+    def full_size(self, camera: CameraUnknowns) -> Camera:
         """The camera for the photo at its full size; the given lens itself where it was not solved for."""
         given = self.start.intrinsics
-        if self.mode == "fixed":  # the last stage frees nothing of a lens that is held
+        if self.mode == "fixed":
             return replace(self.start, pose=camera.pose)
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
         return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)

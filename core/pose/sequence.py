@@ -30,7 +30,7 @@ ROTATION_DONE = 1e-12  # radians
 
 @dataclass(frozen=True)
 class FramePose:
-    """The pose found for a frame; `weight` (> 0) says how far it is believed against the others."""
+    """The pose found for a frame; `weight` (> 0) is how much it counts against the other frames."""
 
     frame: int
     pose: Pose

@@ -1,4 +1,4 @@
-"""How much memory a piece of work will take, roughly, so that it can be refused before it takes the machine down.
+"""A rough estimate of the memory that a piece of work takes, so that it can be refused before the machine runs out of it.
 
 The factors err on the side of too much. Peaks measured while the built-in sample was refined at several sizes (SH degree 1,
 engine alone, all processes together): 12k Gaussians on one thread 0.44 GB, 300k on two 0.71, 1M on two 1.32, on four 2.27; the

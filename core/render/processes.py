@@ -47,7 +47,7 @@ class ProcessRenderer:
     def __init__(
         self, scene: GaussianScene, settings: RenderSettings, start: StartChild = Child, *, interactive: bool = False
     ) -> None:
-        """Raises nothing where no process can be started: all views are drawn here then."""
+        """Where no process can be started, nothing is raised and all views are drawn in this process."""
         count = min(settings.threads or os.cpu_count() or 1, MAX_PROCESSES)
         tables = build_tables(scene)
         self._children = _Children(count, interactive, start)
@@ -99,10 +99,10 @@ def _ask(channel: Channel, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
 
 
 class _Children:
-    """Who draws: children that are ready, and `here`, how many more views may be drawn in this process meanwhile.
+    """The children, and how many more views may be drawn in this process at the same time (`_here`).
 
-    A child takes over one of the views of `here` when it comes up, and gives that back when it ends, so that there are never
-    more than `count` views at a time, nor fewer.
+    A child that becomes ready takes over one of those views, and gives it back when it ends, so that exactly `count` views can
+    be drawn at a time.
     """
 
     def __init__(self, count: int, interactive: bool, start: StartChild) -> None:
@@ -165,8 +165,8 @@ class _Children:
         channel.close()
 
     def _started(self) -> None:
-        """One more child has mapped the tables or never will. With the last, their file goes, so that it is not left behind
-        by a process that is killed; a system that keeps files which are in use removes it in `close`.
+        """Notes that one more child has mapped the tables, or never will. After the last one their file is removed, so that a
+        process that is killed leaves none behind. A system that keeps files which are in use removes it in `close`.
         """
         with self._changed:
             self._starting -= 1

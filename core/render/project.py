@@ -48,7 +48,7 @@ class SplatBuffers:
 
 
 class ViewProjection:
-    """One camera in the numbers that projection needs; x and y stacked, (2, 1)."""
+    """The numbers of one camera that projection needs; those of x and y are stacked, (2, 1)."""
 
     def __init__(self, tables: SceneTables, intrinsics: Intrinsics, pose: Pose, near: float) -> None:
         k = intrinsics
@@ -204,7 +204,7 @@ def _write(splats: SplatBuffers, own: slice, tile_rows: int, projected: Projecte
 
 
 def depth_order(splats: SplatBuffers) -> IndexArray:
-    """The filled slots, front to back; equal depths keep the file's order."""
+    """The slots that hold a splat, front to back; splats of equal depth keep the order of the file."""
     filled = np.flatnonzero(splats.last >= splats.first)
     return filled.take(ascending_order(splats.z.take(filled)))
 

@@ -97,7 +97,7 @@ class Renderer:
 
 
 class _Target:
-    """The image in the making."""
+    """The image while it is being drawn."""
 
     def __init__(self, k: Intrinsics, scratches: list[Scratch]) -> None:
         self.scratches = scratches

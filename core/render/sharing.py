@@ -1,4 +1,4 @@
-"""Sharing the items of a stage out between the calling thread and its helpers."""
+"""Sharing the work of a stage among the calling thread and helper threads."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ HANDOVER_S = 2e-4
 def quick_handover() -> Iterator[None]:
     """The interpreter lock changes hands after HANDOVER_S at the latest, in all of the process; afterwards as before.
 
-    A thread that makes short calls into numpy gives the lock back and has it again before the one it woke can run, which may
-    go on until the switch interval has passed. Whoever finds it short already leaves it alone: of frames that overlap, the
-    first to come sets the interval and puts it back, and the last to go cannot leave it changed.
+    A thread that makes short calls into numpy releases the lock and takes it again before the thread that waits for it can
+    run, and this may go on until the switch interval has passed. Where the interval is short already it is left as it is: of
+    frames that overlap, the first one sets the interval and restores it, so that the last one cannot leave it changed.
     """
     before = sys.getswitchinterval()
     # Python rounds the interval to whole microseconds, hence the margin.
@@ -35,7 +35,9 @@ def quick_handover() -> Iterator[None]:
 
 
 class ThreadTeam:
-    """`threads` threads, the caller's among them: one that only waited would wake for the interpreter lock at every result."""
+    """`threads` threads that do the items of a stage. The calling thread is one of them: if it only waited, every result would
+    wake it, and it would take the interpreter lock from the others.
+    """
 
     def __init__(self, threads: int) -> None:
         self.helpers = max(0, threads - 1)

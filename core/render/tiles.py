@@ -92,7 +92,7 @@ def plan_batches(count: NDArray[np.intp]) -> list[NDArray[np.intp]]:
 
 
 def _pack(high: IndexArray, low: Int16Array | Int32Array) -> Int64Array:
-    """Two numbers in one, of 32 bits each; low >= 0."""
+    """Packs two numbers of 32 bits into one of 64; low >= 0."""
     out = np.left_shift(high, 32, dtype=np.int64)
     out |= low
     return out

@@ -42,7 +42,8 @@ class SceneBuilder:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             norms = np.sqrt(np.einsum("ij,ij->i", rotations, rotations, dtype=np.float64))
             rows = slice(self.filled, self.filled + len(means))
-            self._rotations[rows] = rotations / norms[:, None]  # NaN where the length is 0
+            # A quaternion of length 0 becomes NaN.
+            self._rotations[rows] = rotations / norms[:, None]
         self._means[rows] = means
         self._scales[rows] = scales
         self._opacities[rows] = opacities

@@ -14,8 +14,10 @@ from ..geometry.conventions import Orientation
 Float32Array = NDArray[np.float32]
 
 SH_COEFFICIENTS = (1, 4, 9, 16)
-CHECKED_ROWS = 1 << 14  # Gaussians checked at a time; their numbers stay in the processor's cache
-UNIT_TOLERANCE = 1e-4  # of a quaternion's length; less is rounding and stays as it is
+# So many Gaussians are checked at a time, so that their numbers stay in the processor's cache.
+CHECKED_ROWS = 1 << 14
+# A quaternion whose length is off by less than this is unit up to rounding, and stays as it is.
+UNIT_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,8 @@ NAME = "splat"
 ORIENTATION: Orientation = "Y_DOWN"
 RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("rotation", "u1", 4)])
 CHUNK_ROWS = 1 << 14
-CREDIBLE_LENGTH, CREDIBLE_SHARE = 1e12, 0.75  # of positions and scales; of the records that a file begins with
+# The bound on positions and scales, and the share of the first records of a file that must keep it.
+CREDIBLE_LENGTH, CREDIBLE_SHARE = 1e12, 0.75
 QUATERNION_LENGTHS = (0.9, 1.1)
 
 

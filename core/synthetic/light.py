@@ -8,8 +8,10 @@ import numpy as np
 
 from ..geometry.camera import FloatArray
 
-SAMPLES = 20  # points of the window that a surface point looks for
-BOUNCE = 0.52  # light that is everywhere
+# How many points of the window each surface point is lit by.
+SAMPLES = 20
+# The light that is everywhere.
+BOUNCE = 0.52
 DIRECT = 5.2
 LIFT = 0.02  # scene units off the surface, so that nothing shades itself
 REACH = 0.35  # depth of a corner's dusk, scene units

@@ -71,7 +71,8 @@ def _write(path: Path, text: str) -> None:
         with atomic_write(path) as file:
             file.write(text + "\n")
     except OSError:
-        say(text)  # what was found is not lost
+        # The result is not lost.
+        say(text)
         raise
 
 

@@ -8,17 +8,16 @@ corners cover the photo evenly, and no descriptor is computed.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 
 from ...features.subpixel import SubpixelAligner, normalise_locally
 from ...geometry.camera import FloatArray, Pose
-from ...geometry.conventions import from_opencv_pixels
 from ...render.view import RenderedView, ViewRenderer
 from ..search.observe import grey_of
 from ..search.solve import gate
+from ..shared.corners import CornerDetector
 from ..shared.matches import BoolArray, ViewMatches, bearings
 from ..shared.surface import depth_at, solid_part
 from ..shared.working import WorkingPhoto
@@ -60,10 +59,8 @@ def pick_corners(photo: WorkingPhoto, pose: Pose, view: RenderedView) -> Corners
         solid = solid & photo.usable
     side = 2 * BORDER_PX + 1
     mask = cv2.erode(solid.astype(np.uint8), np.ones((side, side), np.uint8), borderValue=0)
-    spacing = max(photo.raw.shape) * SPACING
-    # OpenCV returns None where it finds nothing, although its type stub denies it.
-    found: Any = cv2.goodFeaturesToTrack(photo.aligned, MAX_CORNERS, CORNER_QUALITY, spacing, mask=mask)
-    pixels = np.zeros((0, 2)) if found is None else from_opencv_pixels(np.reshape(found, (-1, 2)))
+    detector = CornerDetector(MAX_CORNERS, CORNER_QUALITY, max(photo.raw.shape) * SPACING)
+    pixels = detector.detect(photo.aligned, np.asarray(mask, np.uint8))
     depth, _ = depth_at(view, pixels)
     rays = bearings(photo.pinhole.normalise(pixels))
     return Corners(pixels, (rays * depth[:, None] - pose.t) @ pose.R)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...geometry.camera import FloatArray, Intrinsics
 from ..shared.least_squares import NormalEquations, levenberg_marquardt
-from ..shared.lens import FREE, PRIOR_STD, LensCamera, LensMode, lens_difference
+from ..shared.lens import FREE, PRIOR_STD, CameraUnknowns, LensMode, lens_difference
 from ..shared.matches import ViewMatches, bearings
 from ..shared.robust import robust_std
 from .reprojection import Lifted, apply, reproject, whitening
@@ -81,14 +81,14 @@ class JointFit:
     covariance of (xi, F free lens numbers).
     """
 
-    camera: LensCamera
+    camera: CameraUnknowns
     rms_px: float
     information: FloatArray
     problem: JointProblem
     kind: FitKind
 
-    def halves(self) -> list[LensCamera]:
-        """The answers from here of every other view, and of those between."""
+    def halves(self) -> list[CameraUnknowns]:
+        """The cameras that two halves of the views give (every second view, and the views between), each fit started here."""
         return [fit_joint(self.camera, self.problem.part(slice(i, None, 2)), self.kind).camera for i in (0, 1)]
 
 
@@ -104,7 +104,7 @@ def density_weights(observed: FloatArray, k: Intrinsics) -> FloatArray:
     return np.asarray(1 / (1 + CELL_CORRELATION * count[index]))
 
 
-def fit_joint(start: LensCamera, problem: JointProblem, kind: FitKind) -> JointFit:
+def fit_joint(start: CameraUnknowns, problem: JointProblem, kind: FitKind) -> JointFit:
     """The camera of least cost near `start`. `kind`: "joint" weighs each depth by its deviation, "epipolar" ignores the
     depths, "depth" takes them as exact.
     """
@@ -132,13 +132,13 @@ def rms_gain(fit: JointFit, freer: JointFit) -> float:
     return max(0.0, 1 - freer.rms_px / max(fit.rms_px, 1e-12))
 
 
-def held_out_px(camera: LensCamera, problem: JointProblem) -> float:
+def held_out_px(camera: CameraUnknowns, problem: JointProblem) -> float:
     """Robust mean reprojection error, pixels, of matches that took no part in a fit; each counts up to a few pixels only."""
     squared = (reproject(camera, problem.matches).residual ** 2).sum(0)
     return float(np.sqrt((problem.weights * squared / (1 + squared)).sum() / problem.weights.sum()))
 
 
-def _equations(camera: LensCamera, problem: JointProblem, kind: FitKind, sigma_px: FloatArray) -> NormalEquations:
+def _equations(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, sigma_px: FloatArray) -> NormalEquations:
     r = reproject(camera, problem.matches)
     fixed = {"epipolar": np.inf, "depth": 0.0}
     W = whitening(r, sigma_px, fixed.get(kind, problem.matches.depth_std))

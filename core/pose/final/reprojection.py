@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry.camera import FloatArray
-from ..shared.lens import LensCamera
+from ..shared.lens import CameraUnknowns
 from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 
 MIN_DEPTH = 1e-12
@@ -60,7 +60,7 @@ class Reprojection:
     j = 0, 1.
     """
 
-    camera: LensCamera
+    camera: CameraUnknowns
     residual: FloatArray
     along: FloatArray
     points: FloatArray
@@ -97,7 +97,7 @@ class Reprojection:
         return J
 
 
-def reproject(camera: LensCamera, matches: Lifted) -> Reprojection:
+def reproject(camera: CameraUnknowns, matches: Lifted) -> Reprojection:
     """Where `camera` sees the matches' points, against where the photo shows them."""
     k, R = camera.intrinsics, camera.pose.R
     p, ray = R @ matches.points + camera.pose.t[:, None], R @ matches.rays

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...geometry.camera import FloatArray, Intrinsics, pose_error
 from ..search.epipolar import EpipolarFit, refine_epipolar
-from ..shared.lens import LensCamera, LensMode
+from ..shared.lens import CameraUnknowns, LensMode
 from ..shared.matches import ViewMatches
 from .joint import FitKind, JointFit
 
@@ -28,7 +28,7 @@ class FittedCamera:
     what share (0..1) rms_px falls where focal length, k1 and k2 are free; 0 when they were, or after the loop alone.
     """
 
-    camera: LensCamera
+    camera: CameraUnknowns
     stage: FitKind | str
     rms_px: float
     translation_std_units: float
@@ -47,7 +47,7 @@ def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics,
         a, b = (refine_epipolar(fit.pose, views[i::2], k.matrix).pose for i in (0, 1))
         apart = pose_error(a, b)
     deviations = _deviations(fit.information, depth)
-    return FittedCamera(LensCamera(fit.pose, k), "loop", fit.rms_px, *deviations, *apart, mode)
+    return FittedCamera(CameraUnknowns(fit.pose, k), "loop", fit.rms_px, *deviations, *apart, mode)
 
 
 def from_joint(fit: JointFit, depth: float, lens_gain: float) -> FittedCamera:

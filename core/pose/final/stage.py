@@ -15,7 +15,7 @@ from ...geometry.camera import Intrinsics, Pose, pose_error
 from ...render.view import ViewRenderer, sole_renderer
 from ..search.hypotheses import candidate_poses
 from ..settings import RefineSettings
-from ..shared.lens import LensCamera, LensMode
+from ..shared.lens import CameraUnknowns, LensMode
 from ..shared.matches import ViewMatches
 from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
@@ -41,7 +41,7 @@ AUTO_MARGIN = 0.97
 
 @contextmanager
 def view_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
-    """Threads that draw and match views side by side; 0 = one per core. What has not begun is dropped at the end."""
+    """Threads that draw and match views side by side; 0 = one per core. At the end, views that have not begun are dropped."""
     pool = ThreadPoolExecutor(threads or os.cpu_count() or 1, thread_name_prefix="gssmc-view")
     try:
         yield pool
@@ -61,7 +61,7 @@ class FinalStage:
     mode: LensMode
 
     def run(
-        self, photo: WorkingPhoto, start: LensCamera, rng: np.random.Generator
+        self, photo: WorkingPhoto, start: CameraUnknowns, rng: np.random.Generator
     ) -> Generator[str, None, FittedCamera | None]:
         """Refines `start` (intrinsics of `photo`) against fresh renders; yields what it is doing, returns None when too little
         is seen. A pass that still moved the camera is repeated from where it ended, because matches are looked for around the
@@ -85,7 +85,7 @@ class FinalStage:
         return from_joint(last.fit, last.median_depth, rms_gain(last.fit, distorted))
 
     def _pass(
-        self, photo: WorkingPhoto, camera: LensCamera, rng: np.random.Generator
+        self, photo: WorkingPhoto, camera: CameraUnknowns, rng: np.random.Generator
     ) -> Generator[str, None, _PassResult | None]:
         """One round of renders and their fit; None when too little is seen."""
         pose = camera.pose
@@ -119,7 +119,7 @@ class FinalStage:
         return out
 
     def _solve(
-        self, camera: LensCamera, views: Sequence[ViewMatches], reference: ViewMatches, k: Intrinsics
+        self, camera: CameraUnknowns, views: Sequence[ViewMatches], reference: ViewMatches, k: Intrinsics
     ) -> tuple[JointFit, JointFit | None]:
         """The fit of the kind that the settings name; "auto" takes the kind that best explains the reference view's matches,
         which take no part in those fits: at (nearly) no baseline they lean neither to epipolar lines nor to depth.
@@ -155,7 +155,7 @@ class _PassResult:
     distorted: JointFit | None
 
 
-def _settled(before: LensCamera, after: LensCamera, depth: float) -> bool:
+def _settled(before: CameraUnknowns, after: CameraUnknowns, depth: float) -> bool:
     distance, degrees = pose_error(after.pose, before.pose)
     zoomed = abs(np.log(after.intrinsics.focal / before.intrinsics.focal))
     return bool(distance < SETTLED * depth and degrees < SETTLED_DEG and zoomed < SETTLED_FOCAL)

@@ -1,7 +1,8 @@
 """Pose, and focal length when it is unknown, from matches lifted by the rendered depth (2D-3D), pooled over all views.
 
-One view's essential matrix needs enough matches of its own; three lifted matches of any views make a pose, so that a start too
-far for every single view may still come home. It serves as a hypothesis: the stages after it do not lean on the depth.
+The essential matrix of a view needs enough matches in that one view. Three lifted matches of any views make a pose, so that a
+start that is too far off for every single view may still lead to the right one. The pose serves as a hypothesis: the stages
+after it do not depend on the rendered depth.
 """
 
 from __future__ import annotations

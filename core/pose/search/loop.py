@@ -242,7 +242,7 @@ def _figures(observations: Sequence[Observation], record: IterationRecord) -> st
 
 
 def _supports(answer: Answer, best: Answer) -> bool:
-    """Whether the new answer is held by about as many matches as the one before, or more."""
+    """Whether about as many matches as before, or more, agree with the new answer."""
     return sum(map(len, answer.views)) >= 0.7 * sum(map(len, best.views))
 
 

@@ -106,11 +106,6 @@ def align_matches(observation: Observation, photo: PhotoFeatures, keep: BoolArra
     matches, view = observation.matches.take(keep), normalise_locally(observation.grey)
     pinhole = observation.pinhole
     pixels, good = aligner.align(
-        photo.image.aligned, view, to_pixels(photo.pinhole, matches.query), to_pixels(pinhole, matches.view)
+        photo.image.aligned, view, photo.pinhole.to_pixels(matches.query), pinhole.to_pixels(matches.view)
     )
     return replace(matches, view=pinhole.normalise(pixels)).take(good)
-
-
-def to_pixels(pinhole: Intrinsics, points: FloatArray) -> FloatArray:
-    """Image-plane points (N, 2) as pixels of a camera without distortion."""
-    return points * (pinhole.fx, pinhole.fy) + (pinhole.cx, pinhole.cy)

@@ -1,4 +1,4 @@
-"""The spread of residuals that hold outliers."""
+"""The standard deviation of residuals among which there are outliers."""
 
 from __future__ import annotations
 

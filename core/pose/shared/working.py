@@ -1,4 +1,4 @@
-"""The photo at the size that a stage works at: scaled, straightened, evened out."""
+"""The photo at the size that a stage works at: scaled, undistorted, and with its contrast evened out."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class WorkingPhoto:
         return cls(k, raw, mask, grey, normalise_locally(grey), usable, photo_px)
 
     def with_intrinsics(self, k: Intrinsics) -> WorkingPhoto:
-        """The same pixels under another lens. Only a changed distortion or principal point costs a new straightening."""
+        """The same pixels under other intrinsics. The photo is undistorted anew only where either of them has distortion."""
         if not (k.has_distortion or self.intrinsics.has_distortion):
             return replace(self, intrinsics=k)
         return self._made(k, self.raw, self.mask, self.photo_px)

@@ -33,7 +33,8 @@ POSITION_BOUNDS = ("min_x", "min_y", "min_z", "max_x", "max_y", "max_z")
 SCALE_BOUNDS = tuple(f"{end}_scale_{axis}" for end in ("min", "max") for axis in "xyz")
 COLOUR_BOUNDS = ("min_r", "min_g", "min_b", "max_r", "max_g", "max_b")
 SH_RANGE = 8.0
-LARGEST_FIRST = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [1, 2, 0, 3], [1, 2, 3, 0]])  # where w x y z stand among largest, a, b, c
+# For each index of the largest component: where w x y z stand among the largest one, a, b and c.
+LARGEST_FIRST = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [1, 2, 0, 3], [1, 2, 3, 0]])
 
 
 @dataclass(frozen=True)

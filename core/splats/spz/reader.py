@@ -23,7 +23,8 @@ Bytes = NDArray[np.uint8]
 COLOUR_FACTOR = 0.15
 SCALE_STEPS, SCALE_OFFSET = 16.0, 10.0
 MAX_DEGREE = 3
-GROWTH = 1.5  # of the memory for positions, whose number is only claimed while they come
+# The memory for positions grows by this factor, because their number is only a claim until they have been read.
+GROWTH = 1.5
 SCALES = np.exp(np.arange(256) / SCALE_STEPS - SCALE_OFFSET).astype(np.float32)
 W_XYZ = np.array([3, 0, 1, 2])  # from SPZ's order x y z w to w x y z
 

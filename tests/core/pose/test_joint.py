@@ -22,7 +22,7 @@ from core.pose.final.joint import (
 )
 from core.pose.final.reprojection import reproject
 from core.pose.final.stage import choose
-from core.pose.shared.lens import FREE, PRIOR_STD, LensCamera, lens_difference
+from core.pose.shared.lens import FREE, PRIOR_STD, CameraUnknowns, lens_difference
 from core.pose.shared.matches import world_points
 
 
@@ -34,7 +34,7 @@ def _views(seed, noise=0.0, outliers=0.0, count=6):
 
 
 def _start(rng, truth, size=0.01):
-    return LensCamera(se3_exp(size * rng.normal(size=6)) @ truth, CAMERA)
+    return CameraUnknowns(se3_exp(size * rng.normal(size=6)) @ truth, CAMERA)
 
 
 @pytest.mark.parametrize("stage", FIT_KINDS)
@@ -52,7 +52,7 @@ def test_the_focal_length_is_solved_for(wrong):
     _, truth, _, views = _views(5)
     guess = replace(CAMERA, fx=CAMERA.fx * wrong, fy=CAMERA.fy * wrong)
     views = [replace(v, query=v.query / wrong) for v in views]  # the same pixels under the guessed lens
-    fit = fit_joint(LensCamera(truth, guess), JointProblem.of(views, guess, guess, "focal"), "joint")
+    fit = fit_joint(CameraUnknowns(truth, guess), JointProblem.of(views, guess, guess, "focal"), "joint")
     assert fit.camera.intrinsics.fx == pytest.approx(CAMERA.fx, rel=1e-3)
     assert fit.camera.intrinsics.fx / fit.camera.intrinsics.fy == pytest.approx(CAMERA.fx / CAMERA.fy)
     assert pose_error(fit.camera.pose, truth)[0] < 0.005
@@ -65,7 +65,7 @@ def test_the_whole_lens_is_solved_for():
     )
     pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
     views = [replace(v, query=CAMERA.normalise(p)) for v, p in zip(views, pixels, strict=True)]
-    fit = fit_joint(LensCamera(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA, "full"), "joint")
+    fit = fit_joint(CameraUnknowns(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA, "full"), "joint")
     k = fit.camera.intrinsics
     assert k.fx == pytest.approx(lens.fx, rel=1e-3) and k.cx == pytest.approx(lens.cx, abs=0.3)
     assert k.cy == pytest.approx(lens.cy, abs=0.3) and k.dist[0] == pytest.approx(0.06, abs=2e-3)
@@ -78,7 +78,7 @@ def test_how_much_better_a_fit_with_distortion_would_do_is_measured(k1):
     lens = replace(CAMERA, dist=(k1, 0, 0, 0, 0))
     pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
     views = [replace(v, query=CAMERA.normalise(p)) for v, p in zip(views, pixels, strict=True)]
-    fit = fit_joint(LensCamera(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint")
+    fit = fit_joint(CameraUnknowns(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint")
     distorted = fit_distortion(fit)
     assert distorted.camera.intrinsics.dist[0] == pytest.approx(k1, abs=0.01)
     assert rms_gain(fit, distorted) > 0.5 if k1 else rms_gain(fit, distorted) < 0.05
@@ -90,7 +90,7 @@ def test_halves_are_the_answers_of_every_other_view():
     rng, truth, points, views = _views(9)
     other = se3_exp(0.003 * rng.normal(size=6)) @ truth
     views[1::2] = [make_matches(rng, other, v.pose, points) for v in views[1::2]]
-    halves = fit_joint(LensCamera(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint").halves()
+    halves = fit_joint(CameraUnknowns(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint").halves()
     for half, want in zip(halves, (truth, other), strict=True):
         distance, degrees = pose_error(half.pose, want)
         assert distance < 1e-6 and degrees < 1e-5
@@ -222,7 +222,7 @@ def test_a_spoilt_corner_with_most_of_the_matches_does_not_outvote_the_rest():
         off.append(replace(m, view=m.view + shift[:, None]))
     problem = JointProblem.of(off, CAMERA, CAMERA)
     flat = replace(problem, weights=np.ones_like(problem.weights))
-    start = LensCamera(truth, CAMERA)
+    start = CameraUnknowns(truth, CAMERA)
     weighed, plain = (pose_error(fit_joint(start, p, "epipolar").camera.pose, truth)[0] for p in (problem, flat))
     assert weighed < 0.7 * plain
 

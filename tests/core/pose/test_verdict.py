@@ -12,7 +12,7 @@ from core.geometry.camera import Intrinsics, Pose
 from core.pose.final.solution import FittedCamera
 from core.pose.report import PoseQuality
 from core.pose.report_json import quality_to_dict
-from core.pose.shared.lens import LensCamera
+from core.pose.shared.lens import CameraUnknowns
 from core.pose.shared.matches import ViewMatches
 from core.pose.verdict import sentences
 from core.pose.verdict.verdict import LoopMatches, assess, fits_better, judge
@@ -124,7 +124,7 @@ def test_the_rms_has_one_threshold_whatever_the_photo(photo, rms, verdict):
 
 def solution(stage, long_side, rms_px):
     k = Intrinsics(long_side, long_side // 2, 500.0, 500.0, 300.0, 200.0)
-    return FittedCamera(LensCamera(Pose(), k), stage, rms_px, 0.001, 0.01, math.nan, 0.002, 0.01, "fixed")
+    return FittedCamera(CameraUnknowns(Pose(), k), stage, rms_px, 0.001, 0.01, math.nan, 0.002, 0.01, "fixed")
 
 
 @pytest.mark.parametrize(("stage", "long_side", "rms_px"), [("loop", 640, 0.3), ("joint", 1280, 0.6)])
