@@ -14,6 +14,7 @@ from ..features.frontend import Frontend, make_frontend
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
+from ..support.steps import converted, run_to_end
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
 from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
@@ -43,18 +44,7 @@ def refine(
     on_progress: Callable[[RefineProgress], None] | None = None,
 ) -> RefineReport:
     """Runs `iterate_refinement` to its end. `on_progress` may raise (for example Cancelled) to stop it."""
-    work = iterate_refinement(renderer, photo, camera, settings or RefineSettings())
-    try:
-        while True:
-            try:
-                progress = next(work)
-            except StopIteration as end:
-                report: RefineReport = end.value
-                return report
-            if on_progress is not None:
-                on_progress(progress)
-    finally:
-        work.close()
+    return run_to_end(iterate_refinement(renderer, photo, camera, settings or RefineSettings()), on_progress)
 
 
 def iterate_refinement(renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings) -> Progress:
@@ -147,15 +137,14 @@ class _Refinement:
         start = CameraUnknowns(answer.fit.pose, answer.intrinsics.resized(*size))
         work = FinalStage(self.renderer, self.settings, photo.intrinsics, self.mode).run(photo, start, rng)
         fraction = LOOP_SHARE
-        while True:
-            try:
-                step = next(work)
-            except StopIteration as end:
-                solution: FittedCamera | None = end.value
-                return solution
-            # The number of passes is not known beforehand, so that each takes a share of what is left.
+
+        def progress(step: str) -> RefineProgress:
+            nonlocal fraction
+            # The number of passes is not known beforehand, so that each step takes a share of what is left.
             fraction += 0.05 * (0.97 - fraction)
-            yield RefineProgress(iterations, self.settings.iterations, step, fraction)
+            return RefineProgress(iterations, self.settings.iterations, step, fraction)
+
+        return (yield from converted(work, progress))
 
     def full_size(self, camera: CameraUnknowns) -> Camera:
         """The camera for the photo at its full size; the given lens itself where it was not solved for."""
