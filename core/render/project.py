@@ -157,50 +157,47 @@ def _conic(rows: Float32Array) -> Conic:
 
 def _write(splats: SplatBuffers, own: slice, tile_rows: int, projected: ProjectedSplats) -> None:
     """The rows of n splats into the slots `own`; the arrays of their ellipses are overwritten."""
-    centre, z, cut = projected.centre, projected.z, projected.cut
-    conic = projected.conic
-    variance, covariance, inverse, l3 = conic.variance, conic.covariance, conic.inverse_l1, conic.l3
-    block = np.empty((BLEND_COLUMNS, len(z)), np.float32)
-    ellipse = np.empty((ELLIPSE_COLUMNS, len(z)), np.float32)
+    column, conic, cut = EllipseColumn, projected.conic, projected.cut
+    variance, covariance, l3 = conic.variance, conic.covariance, conic.l3
+    ellipse = np.empty((ELLIPSE_COLUMNS, len(cut)), np.float32)
     variance *= cut
     extent = np.sqrt(variance, out=variance)
-    ellipse[EllipseColumn.Y], ellipse[EllipseColumn.L3], ellipse[EllipseColumn.CUT] = centre[1], l3, cut
-    ellipse[EllipseColumn.Y] -= np.float32(HALF_PIXEL)
-    tilt = np.multiply(covariance, cut, out=ellipse[EllipseColumn.TILT])
+    ellipse[column.Y], ellipse[column.L3], ellipse[column.CUT] = projected.centre[1], l3, cut
+    ellipse[column.Y] -= np.float32(HALF_PIXEL)
+    tilt = np.multiply(covariance, cut, out=ellipse[column.TILT])
     tilt /= extent[0]
     covariance *= l3
     covariance *= l3
     skew = np.negative(covariance, out=covariance)
-    np.subtract(centre[0], np.float32(HALF_PIXEL), out=ellipse[EllipseColumn.X])
-    ellipse[EllipseColumn.SKEW], ellipse[EllipseColumn.INVERSE_L1] = skew, inverse
-    ellipse[EllipseColumn.X : EllipseColumn.INVERSE_L1 + 1] *= np.float32(1 / TILE)
+    np.subtract(projected.centre[0], np.float32(HALF_PIXEL), out=ellipse[column.X])
+    ellipse[column.SKEW], ellipse[column.INVERSE_L1] = skew, conic.inverse_l1
+    ellipse[column.X : column.INVERSE_L1 + 1] *= np.float32(1 / TILE)
     ellipse[-1] = 0
-    block[BlendColumn.X : BlendColumn.Y + 1], block[BlendColumn.Z], block[BlendColumn.LOG_OPACITY] = (
-        centre,
-        z,
-        projected.log_opacity,
-    )
-    half = np.float32(np.sqrt(0.5))
-    np.divide(half, inverse, out=block[BlendColumn.L1])
-    np.multiply(skew, block[BlendColumn.L1], out=block[BlendColumn.L2])
-    np.multiply(half, l3, out=block[BlendColumn.L3])
-    np.multiply(block[BlendColumn.L1 : BlendColumn.L3], block[BlendColumn.L1], out=block[BlendColumn.XX : BlendColumn.XY + 1])
-    block[BlendColumn.XY] += block[BlendColumn.XY]
-    np.einsum(
-        "kn,kn->n",
-        block[BlendColumn.L2 : BlendColumn.L3 + 1],
-        block[BlendColumn.L2 : BlendColumn.L3 + 1],
-        out=block[BlendColumn.YY],
-    )
-    np.negative(block[BlendColumn.XX : BlendColumn.YY + 1], out=block[BlendColumn.XX : BlendColumn.YY + 1])
-    block[BlendColumn.FEATURES :] = 1
-    cv2.transpose(block, splats.table[own])
+    cv2.transpose(_blend_columns(projected, skew), splats.table[own])
     cv2.transpose(ellipse, splats.ellipses[own])
-    edges = ellipse[EllipseColumn.Y] + extent[1] * np.array([[-1], [1]], np.float32)
+    edges = ellipse[column.Y] + extent[1] * np.array([[-1], [1]], np.float32)
     edges *= np.float32(1 / TILE)
     np.floor(edges, out=edges)
     np.clip(edges, np.array([[0], [-1]], np.float32), np.array([[tile_rows], [tile_rows - 1]], np.float32), out=edges)
     splats.first[own], splats.last[own] = edges
+
+
+def _blend_columns(projected: ProjectedSplats, skew: Float32Array) -> Float32Array:
+    """The columns (BLEND_COLUMNS, n) of n splats for blending, all but the colour. skew (n,): l2 / l1."""
+    column, half = BlendColumn, np.float32(np.sqrt(0.5))
+    block = np.empty((BLEND_COLUMNS, len(skew)), np.float32)
+    block[column.X : column.Y + 1], block[column.Z] = projected.centre, projected.z
+    block[column.LOG_OPACITY] = projected.log_opacity
+    np.divide(half, projected.conic.inverse_l1, out=block[column.L1])
+    np.multiply(skew, block[column.L1], out=block[column.L2])
+    np.multiply(half, projected.conic.l3, out=block[column.L3])
+    np.multiply(block[column.L1 : column.L3], block[column.L1], out=block[column.XX : column.XY + 1])
+    block[column.XY] += block[column.XY]
+    lower = block[column.L2 : column.L3 + 1]
+    np.einsum("kn,kn->n", lower, lower, out=block[column.YY])
+    np.negative(block[column.XX : column.YY + 1], out=block[column.XX : column.YY + 1])
+    block[column.FEATURES :] = 1
+    return block
 
 
 def depth_order(splats: SplatBuffers) -> IndexArray:

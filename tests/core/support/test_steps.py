@@ -13,8 +13,7 @@ class Counted:
 
     def work(self):
         try:
-            for number in (1, 2, 3):
-                yield number
+            yield from (1, 2, 3)
             return "done"
         finally:
             self.closed = True
