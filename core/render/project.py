@@ -157,50 +157,55 @@ def _conic(rows: Float32Array) -> Conic:
 
 def _write(splats: SplatBuffers, own: slice, tile_rows: int, projected: ProjectedSplats) -> None:
     """The rows of n splats into the slots `own`; the arrays of their ellipses are overwritten."""
-    centre, z, cut = projected.centre, projected.z, projected.cut
-    conic = projected.conic
-    variance, covariance, inverse, l3 = conic.variance, conic.covariance, conic.inverse_l1, conic.l3
-    block = np.empty((BLEND_COLUMNS, len(z)), np.float32)
-    ellipse = np.empty((ELLIPSE_COLUMNS, len(z)), np.float32)
-    variance *= cut
+    variance = projected.conic.variance
+    variance *= projected.cut
     extent = np.sqrt(variance, out=variance)
-    ellipse[EllipseColumn.Y], ellipse[EllipseColumn.L3], ellipse[EllipseColumn.CUT] = centre[1], l3, cut
-    ellipse[EllipseColumn.Y] -= np.float32(HALF_PIXEL)
-    tilt = np.multiply(covariance, cut, out=ellipse[EllipseColumn.TILT])
-    tilt /= extent[0]
-    covariance *= l3
-    covariance *= l3
-    skew = np.negative(covariance, out=covariance)
-    np.subtract(centre[0], np.float32(HALF_PIXEL), out=ellipse[EllipseColumn.X])
-    ellipse[EllipseColumn.SKEW], ellipse[EllipseColumn.INVERSE_L1] = skew, inverse
-    ellipse[EllipseColumn.X : EllipseColumn.INVERSE_L1 + 1] *= np.float32(1 / TILE)
-    ellipse[-1] = 0
-    block[BlendColumn.X : BlendColumn.Y + 1], block[BlendColumn.Z], block[BlendColumn.LOG_OPACITY] = (
-        centre,
-        z,
-        projected.log_opacity,
-    )
-    half = np.float32(np.sqrt(0.5))
-    np.divide(half, inverse, out=block[BlendColumn.L1])
-    np.multiply(skew, block[BlendColumn.L1], out=block[BlendColumn.L2])
-    np.multiply(half, l3, out=block[BlendColumn.L3])
-    np.multiply(block[BlendColumn.L1 : BlendColumn.L3], block[BlendColumn.L1], out=block[BlendColumn.XX : BlendColumn.XY + 1])
-    block[BlendColumn.XY] += block[BlendColumn.XY]
-    np.einsum(
-        "kn,kn->n",
-        block[BlendColumn.L2 : BlendColumn.L3 + 1],
-        block[BlendColumn.L2 : BlendColumn.L3 + 1],
-        out=block[BlendColumn.YY],
-    )
-    np.negative(block[BlendColumn.XX : BlendColumn.YY + 1], out=block[BlendColumn.XX : BlendColumn.YY + 1])
-    block[BlendColumn.FEATURES :] = 1
-    cv2.transpose(block, splats.table[own])
+    ellipse, skew = _ellipse_rows(projected, extent[0])
+    cv2.transpose(_blend_rows(projected, skew), splats.table[own])
     cv2.transpose(ellipse, splats.ellipses[own])
     edges = ellipse[EllipseColumn.Y] + extent[1] * np.array([[-1], [1]], np.float32)
     edges *= np.float32(1 / TILE)
     np.floor(edges, out=edges)
     np.clip(edges, np.array([[0], [-1]], np.float32), np.array([[tile_rows], [tile_rows - 1]], np.float32), out=edges)
     splats.first[own], splats.last[own] = edges
+
+
+def _ellipse_rows(projected: ProjectedSplats, extent_x: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """What the tile test reads of n splats, (ELLIPSE_COLUMNS, n), in tiles; and the ellipses' skew (n,) in pixels."""
+    centre, conic, cut = projected.centre, projected.conic, projected.cut
+    ellipse = np.empty((ELLIPSE_COLUMNS, len(projected.z)), np.float32)
+    ellipse[EllipseColumn.Y], ellipse[EllipseColumn.L3], ellipse[EllipseColumn.CUT] = centre[1], conic.l3, cut
+    ellipse[EllipseColumn.Y] -= np.float32(HALF_PIXEL)
+    tilt = np.multiply(conic.covariance, cut, out=ellipse[EllipseColumn.TILT])
+    tilt /= extent_x
+    covariance = conic.covariance
+    covariance *= conic.l3
+    covariance *= conic.l3
+    skew = np.negative(covariance, out=covariance)
+    np.subtract(centre[0], np.float32(HALF_PIXEL), out=ellipse[EllipseColumn.X])
+    ellipse[EllipseColumn.SKEW], ellipse[EllipseColumn.INVERSE_L1] = skew, conic.inverse_l1
+    ellipse[EllipseColumn.X : EllipseColumn.INVERSE_L1 + 1] *= np.float32(1 / TILE)
+    ellipse[-1] = 0
+    return ellipse, skew
+
+
+def _blend_rows(projected: ProjectedSplats, skew: Float32Array) -> Float32Array:
+    """What blending reads of n splats, (BLEND_COLUMNS, n): place, depth, opacity, and the exponent's coefficients."""
+    block = np.empty((BLEND_COLUMNS, len(projected.z)), np.float32)
+    block[BlendColumn.X : BlendColumn.Y + 1] = projected.centre
+    block[BlendColumn.Z], block[BlendColumn.LOG_OPACITY] = projected.z, projected.log_opacity
+    half = np.float32(np.sqrt(0.5))
+    np.divide(half, projected.conic.inverse_l1, out=block[BlendColumn.L1])
+    np.multiply(skew, block[BlendColumn.L1], out=block[BlendColumn.L2])
+    np.multiply(half, projected.conic.l3, out=block[BlendColumn.L3])
+    np.multiply(block[BlendColumn.L1 : BlendColumn.L3], block[BlendColumn.L1], out=block[BlendColumn.XX : BlendColumn.XY + 1])
+    block[BlendColumn.XY] += block[BlendColumn.XY]
+    lower = block[BlendColumn.L2 : BlendColumn.L3 + 1]
+    np.einsum("kn,kn->n", lower, lower, out=block[BlendColumn.YY])
+    exponent = block[BlendColumn.XX : BlendColumn.YY + 1]
+    np.negative(exponent, out=exponent)
+    block[BlendColumn.FEATURES :] = 1
+    return block
 
 
 def depth_order(splats: SplatBuffers) -> IndexArray:
