@@ -44,8 +44,8 @@ TRUSTED_FOCAL_STD_PCT = 1.0
 TRUSTED_LENS_GAIN_PCT = 32.0
 
 # The covariance of a fit contains the noise of its matches, but not the errors of the splat itself, which all views share. On
-# two scans the errors of pose and focal length were 1.8 and 2.3 times (RMS) the deviations from the last stage's fit. The loop's
-# fit takes all matches for independent; its errors were 5.7 times its deviations (14 near starts, final "none").
+# two scans the errors of pose and focal length were 1.8 and 2.3 times (RMS) the deviations from the last stage's fit. Those of
+# the loop's answer, whose fit takes all matches for independent, were 5.7 times the deviations (14 near starts, final "none").
 SHARED_ERROR = 2.0
 LOOP_SHARED_ERROR = 5.7
 
