@@ -14,7 +14,7 @@ from .viewpoints.eye import RenderedFeatures
 DESCRIPTOR_SCALE = 512.0  # RootSIFT's components are below a half but for degenerate patches; 8 bits lose no match
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MapView:
     """A view of the map and its landmarks.
 
@@ -43,7 +43,7 @@ class MapView:
         return cls(look.pose, look.points.astype(np.float32), np.clip(scaled, 0, 255).astype(np.uint8), look.depth, known)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LandmarkMap:
     """The views in the order in which they were made: every prefix is a map too, which finds fewer photos.
 

@@ -157,46 +157,54 @@ def _conic(rows: Float32Array) -> Conic:
 
 def _write(splats: SplatBuffers, own: slice, tile_rows: int, projected: ProjectedSplats) -> None:
     """The rows of n splats into the slots `own`; the arrays of their ellipses are overwritten."""
-    column, conic, cut = EllipseColumn, projected.conic, projected.cut
-    variance, covariance, l3 = conic.variance, conic.covariance, conic.l3
-    ellipse = np.empty((ELLIPSE_COLUMNS, len(cut)), np.float32)
-    variance *= cut
+    variance = projected.conic.variance
+    variance *= projected.cut
     extent = np.sqrt(variance, out=variance)
-    ellipse[column.Y], ellipse[column.L3], ellipse[column.CUT] = projected.centre[1], l3, cut
-    ellipse[column.Y] -= np.float32(HALF_PIXEL)
-    tilt = np.multiply(covariance, cut, out=ellipse[column.TILT])
-    tilt /= extent[0]
-    covariance *= l3
-    covariance *= l3
-    skew = np.negative(covariance, out=covariance)
-    np.subtract(projected.centre[0], np.float32(HALF_PIXEL), out=ellipse[column.X])
-    ellipse[column.SKEW], ellipse[column.INVERSE_L1] = skew, conic.inverse_l1
-    ellipse[column.X : column.INVERSE_L1 + 1] *= np.float32(1 / TILE)
-    ellipse[-1] = 0
-    cv2.transpose(_blend_columns(projected, skew), splats.table[own])
+    ellipse, skew = _ellipse_rows(projected, extent[0])
+    cv2.transpose(_blend_rows(projected, skew), splats.table[own])
     cv2.transpose(ellipse, splats.ellipses[own])
-    edges = ellipse[column.Y] + extent[1] * np.array([[-1], [1]], np.float32)
+    edges = ellipse[EllipseColumn.Y] + extent[1] * np.array([[-1], [1]], np.float32)
     edges *= np.float32(1 / TILE)
     np.floor(edges, out=edges)
     np.clip(edges, np.array([[0], [-1]], np.float32), np.array([[tile_rows], [tile_rows - 1]], np.float32), out=edges)
     splats.first[own], splats.last[own] = edges
 
 
-def _blend_columns(projected: ProjectedSplats, skew: Float32Array) -> Float32Array:
-    """The columns (BLEND_COLUMNS, n) of n splats for blending, all but the colour. skew (n,): l2 / l1."""
-    column, half = BlendColumn, np.float32(np.sqrt(0.5))
-    block = np.empty((BLEND_COLUMNS, len(skew)), np.float32)
-    block[column.X : column.Y + 1], block[column.Z] = projected.centre, projected.z
-    block[column.LOG_OPACITY] = projected.log_opacity
-    np.divide(half, projected.conic.inverse_l1, out=block[column.L1])
-    np.multiply(skew, block[column.L1], out=block[column.L2])
-    np.multiply(half, projected.conic.l3, out=block[column.L3])
-    np.multiply(block[column.L1 : column.L3], block[column.L1], out=block[column.XX : column.XY + 1])
-    block[column.XY] += block[column.XY]
-    lower = block[column.L2 : column.L3 + 1]
-    np.einsum("kn,kn->n", lower, lower, out=block[column.YY])
-    np.negative(block[column.XX : column.YY + 1], out=block[column.XX : column.YY + 1])
-    block[column.FEATURES :] = 1
+def _ellipse_rows(projected: ProjectedSplats, extent_x: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """What the tile test reads of n splats, (ELLIPSE_COLUMNS, n), in tiles; and the ellipses' skew (n,) in pixels."""
+    centre, conic, cut = projected.centre, projected.conic, projected.cut
+    ellipse = np.empty((ELLIPSE_COLUMNS, len(projected.z)), np.float32)
+    ellipse[EllipseColumn.Y], ellipse[EllipseColumn.L3], ellipse[EllipseColumn.CUT] = centre[1], conic.l3, cut
+    ellipse[EllipseColumn.Y] -= np.float32(HALF_PIXEL)
+    tilt = np.multiply(conic.covariance, cut, out=ellipse[EllipseColumn.TILT])
+    tilt /= extent_x
+    covariance = conic.covariance
+    covariance *= conic.l3
+    covariance *= conic.l3
+    skew = np.negative(covariance, out=covariance)
+    np.subtract(centre[0], np.float32(HALF_PIXEL), out=ellipse[EllipseColumn.X])
+    ellipse[EllipseColumn.SKEW], ellipse[EllipseColumn.INVERSE_L1] = skew, conic.inverse_l1
+    ellipse[EllipseColumn.X : EllipseColumn.INVERSE_L1 + 1] *= np.float32(1 / TILE)
+    ellipse[-1] = 0
+    return ellipse, skew
+
+
+def _blend_rows(projected: ProjectedSplats, skew: Float32Array) -> Float32Array:
+    """What blending reads of n splats, (BLEND_COLUMNS, n): place, depth, opacity, and the exponent's coefficients."""
+    block = np.empty((BLEND_COLUMNS, len(projected.z)), np.float32)
+    block[BlendColumn.X : BlendColumn.Y + 1] = projected.centre
+    block[BlendColumn.Z], block[BlendColumn.LOG_OPACITY] = projected.z, projected.log_opacity
+    half = np.float32(np.sqrt(0.5))
+    np.divide(half, projected.conic.inverse_l1, out=block[BlendColumn.L1])
+    np.multiply(skew, block[BlendColumn.L1], out=block[BlendColumn.L2])
+    np.multiply(half, projected.conic.l3, out=block[BlendColumn.L3])
+    np.multiply(block[BlendColumn.L1 : BlendColumn.L3], block[BlendColumn.L1], out=block[BlendColumn.XX : BlendColumn.XY + 1])
+    block[BlendColumn.XY] += block[BlendColumn.XY]
+    lower = block[BlendColumn.L2 : BlendColumn.L3 + 1]
+    np.einsum("kn,kn->n", lower, lower, out=block[BlendColumn.YY])
+    exponent = block[BlendColumn.XX : BlendColumn.YY + 1]
+    np.negative(exponent, out=exponent)
+    block[BlendColumn.FEATURES :] = 1
     return block
 
 

@@ -27,7 +27,7 @@ FACING_PULL = 5.0  # how much a position prefers the side that its point faces; 
 SIGMA_LOG = 0.5  # of the distances around the expected one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Viewpoint:
     """A view worth a look: `centre` (3,) and viewing `direction` (3,) in the world; `depth`: about how far away things are
     there, scene units.
@@ -38,7 +38,7 @@ class Viewpoint:
     depth: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """A viewpoint, what it covers: `element` (K,) indices and how well, `weight` (K,), and its `share`: filled cells of the
     view times the root of those of the whole panorama, which puts views inside rooms.

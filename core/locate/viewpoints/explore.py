@@ -36,7 +36,7 @@ STEP_RATIO = (0.15, 0.6)  # of the depth: how far a neighbour lies from its pare
 TURN_DEG = (10.0, 60.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sight:
     """A view that was looked at: its pose; `depth` (scene units), which its near plane was set by; `found`, the features of the
     first eye; `points` (N, 3) in the world, of those or, once `proven` by a second eye, of the stable ones; and `weight` (N,),

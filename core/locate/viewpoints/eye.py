@@ -23,7 +23,7 @@ MAX_DEVIATION = 0.15  # of a pixel's depth, as a share of it; beyond, its featur
 MAX_FEATURES, CONTRAST = 1200, 0.005  # corners of a render are clean, however faint; photos' own are noise below twice that
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RenderedFeatures:
     """A render's features and what surrounds them. `points` (N, 3) world; `depth`: median depth of the solid pixels, scene
     units; `solid`: share of them, 0..1; `near`: the near plane, scene units.
