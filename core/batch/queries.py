@@ -89,9 +89,7 @@ def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Querie
     return Queries(cameras, photos, notes)
 
 
-def _with_lenses(
-    records: Sequence[Start | Unplaced], photos: list[Path]
-) -> tuple[list[Camera | Unplaced], tuple[str, ...]]:
+def _with_lenses(records: Sequence[Start | Unplaced], photos: list[Path]) -> tuple[list[Camera | Unplaced], tuple[str, ...]]:
     """The cameras, with lenses by their photos where the file tells none, and what was assumed."""
     cameras: list[Camera | Unplaced] = []
     assumed: list[LensGuess | None] = []

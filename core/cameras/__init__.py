@@ -77,7 +77,7 @@ def _placed(path: Path) -> list[Start]:
     wanted = read_wanted(path)
     found = [one for one in wanted if isinstance(one, Start)]
     if not found:
-        raise DatasetError(f"No camera in '{path.name}' has a pose; give cameras with \"R\" and \"t\".")
+        raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
     if len(found) < len(wanted):
         log.warning("%d of %d cameras in '%s' have no pose and are left out", len(wanted) - len(found), len(wanted), path.name)
     return found

@@ -88,9 +88,10 @@ class MapCache:
         """The stored map, with no more views than the settings ask for; `complete` where none are left to be made. Empty
         where there is none that can be believed.
         """
-        stored = self._stored()
-        if stored is None:
+        best = self._best(quiet=False)
+        if best is None:
             return LandmarkMap(self.key)
+        stored = best[1]
         views = stored.views[: self._settings.views]
         return LandmarkMap(stored.key, views, stored.complete or len(views) == self._settings.views)
 
@@ -109,6 +110,11 @@ class MapCache:
             yield MapStep(kept, "the map is complete", 1.0)
             return
         yield from self._made(kept)
+
+    def stored_in(self) -> Path | None:
+        """The file that `read` takes the map from, None where there is none."""
+        best = self._best()
+        return None if best is None else best[0]
 
     def keep(self, made: LandmarkMap) -> Path | None:
         """Stores the map, unless there is one with as many views; the file that holds it, None where none can be written."""
@@ -149,9 +155,9 @@ class MapCache:
             if len(last) > len(kept) or last.complete:
                 self.keep(last)
 
-    def _stored(self) -> LandmarkMap | None:
-        found = [one for file in self.files if (one := self._read(file)) is not None]
-        return max(found, key=lambda one: (one.complete, len(one)), default=None)
+    def _best(self, quiet: bool = True) -> tuple[Path, LandmarkMap] | None:
+        found = [(file, one) for file in self.files if (one := self._read(file, quiet)) is not None]
+        return max(found, key=lambda one: (one[1].complete, len(one[1])), default=None)
 
     def _read(self, file: Path, quiet: bool = False) -> LandmarkMap | None:
         if not file.exists():
