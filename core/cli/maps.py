@@ -7,10 +7,10 @@ from contextlib import closing
 from dataclasses import fields
 from pathlib import Path
 
-from ..cameras.known import read_known
 from ..errors import UsageError
 from ..geometry.camera import Camera
 from ..locate import FindProgress, FindReport, LandmarkMap, MapCache, MapPlace, MapSettings, PhotoLens, find_camera, map_key
+from ..locate.known_cameras import read_known
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
 from ..splats import GaussianScene

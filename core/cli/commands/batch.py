@@ -33,7 +33,7 @@ from ..rounds import TO_FIND, Rounds
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("batch", help="refine many photos; a second run goes on where the first one stopped")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
-    source = 'camera JSON: each record is the start of its "file", relative to this JSON, or that name alone; or a data set\'s folder'
+    source = "camera JSON: each record is the start of its 'file' (relative to this JSON), or a name; or a data set's folder"
     parser.add_argument("queries", type=Path, metavar="SOURCE", help=source)
     parser.add_argument("--start", type=Path, metavar="POSES.txt", help="start poses of a folder's test photos (any pose file)")
     parser.add_argument("--focal", type=float, metavar="PX", help="focal length of a folder's photos (7-Scenes: 525)")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from ..cameras import detect, read
+from ..cameras.files import load_json, start_from_dict
+from ..cameras.unplaced import is_unplaced
 from ..errors import DatasetError
 from ..geometry.camera import Camera, Intrinsics, Pose
-from . import detect, read
-from .files import load_json, start_from_dict
-from .unplaced import is_unplaced
 
 # A view of the map is drawn with any lens that sees what the photo saw: about that of a phone.
 USUAL = Intrinsics(640, 480, 320 / math.tan(math.radians(30)), 320 / math.tan(math.radians(30)), 320.0, 240.0)
