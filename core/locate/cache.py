@@ -168,7 +168,7 @@ class MapCache:
             return read_map(file, key if own and not self._known else self.key)
         except MapFileError as error:
             if not quiet:
-                log.warning("%s", error)
+                log.warning("%s This is done where it is needed.", error)
             return None
 
 
