@@ -79,14 +79,21 @@ class ResultStore:
     def put(self, index: int, record: Record) -> None:
         """Add a record; it is on disk when this returns. Raises OSError, and then the record is not there."""
         text = json.dumps({**record, "key": self._keys[index]})
-        size = os.fstat(self._handle).st_size
+        size, before = os.fstat(self._handle).st_size, (self.records.get(index), self._texts.get(index))
+        # Known before it is written: Ctrl-C in the middle must not lose what is in the journal already.
+        self.records[index], self._texts[index], self._changed = record, text, True
         try:
             _write(self._handle, ("" if size else JOURNAL_HEAD) + text + "\n")
             os.fsync(self._handle)
         except OSError:
+            self._restore(index, *before)
             os.ftruncate(self._handle, size)
             raise
-        self.records[index], self._texts[index], self._changed = record, text, True
+
+    def _restore(self, index: int, record: Record | None, text: str | None) -> None:
+        del self.records[index], self._texts[index]
+        if record is not None and text is not None:
+            self.records[index], self._texts[index] = record, text
 
     def _locked(self) -> int:
         try:

@@ -95,7 +95,7 @@ def test_cambridge_folder_needs_a_focal_length_and_takes_it(place, tmp_path, cap
     argv = [place.town, "--start", starts, "--out", tmp_path / "r.json", "--poses", tmp_path / "p.txt"]
     assert batch(place, *argv) == 2
     assert "give the focal length in pixels with --focal" in capsys.readouterr().err
-    assert batch(place, *argv, "--focal", 525 / 4) == 0
+    assert batch(place, *argv, "--focal", 525 / 4, "--no-locate") == 0
     assert "1 of 3 test photos have no start pose in 's.txt' and are left out." in capsys.readouterr().err
     found = datasets.read(tmp_path / "p.txt")
     assert found.names == [f"seq2/frame{k:06d}.png" for k in (1, 2)]
@@ -144,7 +144,7 @@ def mistakes(place, tmp):
     put(tmp / "notes/readme.txt", "hello")
     start = ["--start", place.start]
     return {
-        "no starts": ([place.rooms], "give them with --start"),
+        "no starts": ([place.rooms, "--no-locate"], "give them with --start"),
         "starts of another scene": ([place.rooms, "--start", other], "no start pose for any test photo"),
         "starts that are nowhere": ([place.rooms, "--start", tmp / "no.txt"], "There is nothing at"),
         "a folder of something else": ([tmp / "notes", *start], "is no folder of poses"),

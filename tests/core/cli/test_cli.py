@@ -205,7 +205,7 @@ def test_features_knows_no_scene_to_save(capsys):
     added, seen = [], []
     options = lambda parser: added.append(parser.prog)  # noqa: E731
     assert main(["features"], add_options=options, on_outcome=lambda *outcome: seen.append(outcome)) == 0
-    assert len(added) == 4
+    assert [prog.split()[-1] for prog in added] == ["render", "refine", "locate", "batch", "demo"]
     assert seen == []
 
 
@@ -229,6 +229,8 @@ def mistakes(place, tmp):
     many = place.json(tmp / "many.json", place.starts[1:])
     wrong_size = place.json(tmp / "wide.json", place.starts[:1], width=500)
     (tmp / "broken.json").write_text("{")
+    (tmp / "name.json").write_text('{"frames": ["photo_0.png"]}')
+    (tmp / "half.json").write_text('{"file": "photo_0.png", "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}')
     (tmp / "mesh.ply").write_bytes(b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0\n")
     (tmp / "text.jpg").write_text("no photo")
     photo, scene, out = place.folder / "photo_0.png", place.scene, tmp / "out"
@@ -236,7 +238,19 @@ def mistakes(place, tmp):
     return {
         "no command": ([], "required: COMMAND"),
         "unknown command": (["paint"], "paint"),
-        "no camera": (["refine", scene, photo], "required: --camera"),
+        "no camera": (["refine", scene, photo, "--no-locate"], "There is no start to refine from"),
+        "no pose": (["refine", scene, photo, "--camera", tmp / "name.json", "--no-locate"], "has no R and t"),
+        "half a pose": (["refine", scene, photo, "--camera", tmp / "half.json"], "lacks t"),
+        "batch without a pose": (["batch", scene, tmp / "name.json", "--out", out, "--no-locate"], "Camera 1 of"),
+        "map options of no use": ([*refine, "--no-locate", "--views", "5"], "of no use with --no-locate"),
+        "map over a photo": (["locate", scene, photo, "--map", photo], "would overwrite the photo"),
+        "map over another file": (["map", scene, "--map", tmp / "text.jpg"], "is no map of a scan"),
+        "map over the scan": (["map", scene, "--map", scene], "would overwrite the scan"),
+        "map without views": (["map", scene, "--views", "0"], "option views is 0"),
+        "map of a mesh": (["map", tmp / "mesh.ply"], "holds a mesh"),
+        "known cameras that are not there": (["map", scene, "--cameras", tmp / "no.json"], "There is nothing at"),
+        "known cameras that are not known": (["map", scene, "--cameras", tmp / "name.json"], "holds no camera that is known"),
+        "locate with another lens": (["locate", scene, photo, "--camera", wrong_size], "but its camera 500 x 180"),
         "word for a number": ([*refine, "--seed", "x"], "--seed"),
         "out of range": ([*refine, "--iterations", "0"], "option iterations is 0"),
         "unknown features": ([*refine, "--features", "surf"], "--features"),

@@ -101,4 +101,7 @@ def test_the_demo_brings_its_photo_home(tmp_path, capsys):
     assert result["verdict"] == "trusted"
     assert np.linalg.norm(centre - truth.pose.centre) < 0.005
     assert (tmp_path / "before_after.png").stat().st_size > 50_000
-    assert "after:" in capsys.readouterr().out
+    assert "found without a start" in capsys.readouterr().out
+    assert result["hypothesis"]["inliers"] >= 25
+    start = read_cameras(tmp_path / "start.json")[0]
+    np.testing.assert_raises(AssertionError, np.testing.assert_allclose, result["start"]["t"], start.pose.t, atol=0.1)
