@@ -83,7 +83,7 @@ def candidate_views(
         yield _views_at(position, panorama_at(surface, position, expected, SIGMA_LOG), sieve, surface)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Sieve:
     """`cone` (V, CELLS), 1 where a cell is in the view along `directions` (V, 3); `filled` as in `candidate_views`."""
 
