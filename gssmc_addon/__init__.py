@@ -31,7 +31,7 @@ from ..operators import (
 )
 from .camera import frame as camera_frame
 from .headless import command as cli
-from .jobs import slot as jobs
+from .jobs import slot
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
@@ -82,7 +82,7 @@ def register() -> None:
             bpy.utils.register_class(cls)
     menus.register()
     preferences.register()
-    jobs.register()
+    slot.register()
     camera_frame.register()
     viewport.register()
     preview_watch.register()
@@ -90,7 +90,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    jobs.unregister()  # first: a running job uses all the rest
+    slot.unregister()  # first: a running job uses all the rest
     preview_watch.unregister()
     viewport.unregister()
     camera_frame.unregister()

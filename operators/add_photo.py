@@ -75,7 +75,7 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
         context.view_layer.update()  # scripts place objects and expect that to count
         photo = photo_image.read_any_photo(self.filepath)
         camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))
-        photo_list.note(context.scene, camera, photo)
+        photo_list.add(context.scene, camera, photo)
         photo_list.pick(context.scene, camera)  # and look through it
         values = {"photo": image.name, "camera": camera.name, "x": photo.width, "y": photo.height}
         return self.done(context, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))

@@ -11,8 +11,8 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 from ..core.errors import RefineError
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.photo.queue import SUFFIXES, AddPhotosJob, photos_in
-from ..gssmc_addon.refine import job as jobs
 from ..gssmc_addon.support.operator_parts import JobFromFile
+from ..gssmc_addon.support.session_ids import by_uid
 from ..gssmc_addon.support.texts import rpt_
 
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
@@ -37,7 +37,7 @@ class _AddPhotos(JobFromFile):
         """The files that were chosen, in the order of the list."""
         raise NotImplementedError
 
-    def gather(self, context: bpy.types.Context) -> AddPhotosJob:
+    def make_job(self, context: bpy.types.Context) -> AddPhotosJob:
         context.view_layer.update()
         known = photo_list.files(context.scene)
         paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
@@ -51,8 +51,8 @@ class _AddPhotos(JobFromFile):
             name, message = job.failed[0] if job.failed else ("", rpt_("No photo was added."))
             return self.refuse(context, message)
         for name, message in job.failed:
-            photo_list.note_unreadable(scene, name, message)
-        photo_list.pick(scene, jobs.by_uid(scene.objects, job.added[0]))
+            photo_list.add_unreadable(scene, name, message)
+        photo_list.pick(scene, by_uid(scene.objects, job.added[0]))
         return self.done(context, _summary(job), "WARNING" if job.failed else "INFO")
 
     def broke_off(self, context: bpy.types.Context, job: AddPhotosJob, message: str) -> set[str]:
@@ -68,17 +68,17 @@ class _AddPhotos(JobFromFile):
 
 def _summary(job: AddPhotosJob) -> str:
     """Up to three sentences: what was added, what could not be, what was left out."""
-    words = [rpt_("{count} photos added, each with its camera.", count=len(job.added))]
+    sentences = [rpt_("{count} photos added, each with its camera.", count=len(job.added))]
     if len(job.added) == 1:
-        words = [rpt_("1 photo added, with its camera.")]
+        sentences = [rpt_("1 photo added, with its camera.")]
     if job.failed:
-        words.append(rpt_("{count} could not be used; the list says why.", count=len(job.failed)))
+        sentences.append(rpt_("{count} could not be used; the list says why.", count=len(job.failed)))
     left = job.count - len(job.added) - len(job.failed)
     if left == 1:
-        words.append(rpt_("1 was left out when you stopped."))
+        sentences.append(rpt_("1 was left out when you stopped."))
     elif left:
-        words.append(rpt_("{count} were left out when you stopped.", count=left))
-    return " ".join(words)
+        sentences.append(rpt_("{count} were left out when you stopped.", count=left))
+    return " ".join(sentences)
 
 
 class GSSMC_OT_add_photos(_AddPhotos, bpy.types.Operator):

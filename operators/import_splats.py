@@ -95,7 +95,7 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
         self.asked = not (self.wait or bpy.app.background or context.window is None)
         return super().execute(context)
 
-    def gather(self, context: bpy.types.Context) -> SplatImport:
+    def make_job(self, context: bpy.types.Context) -> SplatImport:
         path = Path(self.filepath)
         memory.check("The import", memory.import_bytes(path), preferences.memory_limit(context))
         placement = splat_import.Placement(self.orientation, self.scale, self.max_shown)
@@ -106,12 +106,12 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
         if self.show_colours and not (viewport_props.is_drawable() or splat_object.is_native(obj.data)):
             splat_display.show_colours(context)
         values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
-        words = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
+        sentences = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
         if scene.dropped == 1:
-            words.append(rpt_("1 Gaussian with values that are not finite was left out."))
+            sentences.append(rpt_("1 Gaussian with values that are not finite was left out."))
         elif scene.dropped:
-            words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
-        return self.done(context, " ".join(words))
+            sentences.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
+        return self.done(context, " ".join(sentences))
 
     def stopped(self, context: bpy.types.Context, job: SplatImport) -> set[str]:
         return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")

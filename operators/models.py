@@ -55,7 +55,7 @@ class GSSMC_OT_download_model(AskingJobOperator, bpy.types.Operator):
             column.label(text=line, translate=False)
         column.prop(self, "accept_licence")
 
-    def gather(self, context: bpy.types.Context) -> DownloadJob:
+    def make_job(self, context: bpy.types.Context) -> DownloadJob:
         model = self._known()
         if not self.accept_licence:
             raise FeatureError(rpt_("{model} is not downloaded until its licence is accepted.", model=model.title))

@@ -28,7 +28,7 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
         **preview_options.preview_annotations(),
     }
 
-    def gather(self, context: bpy.types.Context) -> preview_job.PreviewJob:
+    def make_job(self, context: bpy.types.Context) -> preview_job.PreviewJob:
         context.view_layer.update()  # scripts set locations and expect them to count
         scene, own = context.scene, context.window_manager.gssmc.preview
         said_background = self.properties.is_property_set("background")
@@ -43,7 +43,7 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
         if self.camera and camera is None:
             raise RefineError(rpt_('There is no camera "{name}"; give the name of a camera object.', name=self.camera))
         self._camera = camera.name if camera else ""
-        return preview_job.gather(context, camera, preview_job.options_of(self), settings_props.settings_from(scene.gssmc))
+        return preview_job.prepare(context, camera, preview_job.options_of(self), settings_props.settings_from(scene.gssmc))
 
     def apply(self, context: bpy.types.Context, job: preview_job.PreviewJob, result: preview_job.Preview) -> set[str]:
         camera = context.scene.objects.get(self._camera)
@@ -59,11 +59,11 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
             preview_watch.mark(camera, job.inputs.camera, image)
             _look_through(context, camera)
         preview_images.show_in_viewport(camera.data, image if self.background else None)
-        words, seen = [_told(camera, result)], shown or self.background
+        sentences, seen = [_told(camera, result)], shown or self.background
         context.window_manager.gssmc.preview.flicker = self.style == "FLICKER" and seen
         if not seen:
-            words.append(rpt_('Open an Image Editor and pick "{image}" in its header to see it.', image=image.name))
-        return self.done(context, " ".join(words), line="" if seen and not result.matches else " ".join(words))
+            sentences.append(rpt_('Open an Image Editor and pick "{image}" in its header to see it.', image=image.name))
+        return self.done(context, " ".join(sentences), line="" if seen and not result.matches else " ".join(sentences))
 
     def stopped(self, context: bpy.types.Context, job: preview_job.PreviewJob) -> set[str]:
         return self.refuse(context, rpt_("The preview was cancelled."), level="INFO")

@@ -52,7 +52,7 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
             return False
         return super().poll(context)
 
-    def gather(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
+    def make_job(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
         job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)

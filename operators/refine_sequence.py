@@ -11,7 +11,7 @@ from ..core.errors import GssmcError, RefineError
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.camera import keys as camera_keys
 from ..gssmc_addon.camera import solution as camera_solution
-from ..gssmc_addon.camera.record import Solution
+from ..gssmc_addon.camera.record import SolvedCamera
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.plate import source as plate_source
@@ -81,7 +81,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         for name in ("smooth_frames", "every_frame", "key_lens"):
             column.prop(self, name)
 
-    def gather(self, context: bpy.types.Context) -> SequenceJob:
+    def make_job(self, context: bpy.types.Context) -> SequenceJob:
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
         splat_object.picked(scene, scene.gssmc.splat)
@@ -106,7 +106,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         solved = job.options.key_lens and job.settings.lens != "fixed"
         state = "SOLVED" if solved else camera.data.gssmc.lens_state
         first, verdict = cameras[min(cameras)], "trusted" if trusted else "check"
-        found = Solution(first, verdict, tuple(job.reasons()), 0, seconds, state, job.median_depth, path=cameras)
+        found = SolvedCamera(first, verdict, tuple(job.reasons()), 0, seconds, state, job.median_depth, path=cameras)
         camera_solution.keep(scene, camera, splat, found)
         camera.data.gssmc.frames_done, camera.data.gssmc.bad_frames = job.items, frame_list(job.bad)
         values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}

@@ -155,15 +155,15 @@ def write_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intr
 
     Where fx and fy differ, the photo's pixels are shown oblong; those of the render are the scene's and stay as they are.
     """
-    note, render = data.gssmc, scene.render
-    pixel = _nearly(float(np.float32(conventions.pixel_shape(photo))), note.photo_pixel)
+    props, render = data.gssmc, scene.render
+    pixel = _nearly(float(np.float32(conventions.pixel_shape(photo))), props.photo_pixel)
     lens = lens_in_render(scene, data, photo, pixel)
-    note.frame_x, note.frame_y, note.frame_pixel = render.resolution_x, render.resolution_y, lens.pixel
-    note.photo_pixel = pixel
+    props.frame_x, props.frame_y, props.frame_pixel = render.resolution_x, render.resolution_y, lens.pixel
+    props.photo_pixel = pixel
     _keep_size(data, photo)
     data.lens, data.shift_x, data.shift_y = lens.lens_mm, lens.shift_x, lens.shift_y
     for name, value in zip(DIST_NAMES, photo.dist, strict=True):
-        setattr(note, name, value)
+        setattr(props, name, value)
     show_pixel(data)
 
 
@@ -201,9 +201,9 @@ def photo_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, width: int,
 
 def _keep_size(data: bpy.types.Camera, photo: Intrinsics) -> None:
     """Notes how large the photo is in its own file, of which Blender may hold a smaller copy that was refined."""
-    note, image = data.gssmc, photo_image.photo_of(data)
-    if note.framed != image or not (note.photo_x and note.photo_y):
-        note.framed, note.photo_x, note.photo_y = image, photo.width, photo.height
+    props, image = data.gssmc, photo_image.photo_of(data)
+    if props.framed != image or not (props.photo_x and props.photo_y):
+        props.framed, props.photo_x, props.photo_y = image, photo.width, photo.height
 
 
 def _nearly(value: float, kept: float) -> float:

@@ -174,18 +174,18 @@ def _plate_cameras(scene: bpy.types.Scene, obj: bpy.types.Object, plate: plate_s
 def _plate_picture(obj: bpy.types.Object, plate: plate_source.MovingPhoto, frame: int) -> _Picture:
     number, size = frame + plate.offset, photo_image.own_size(obj.data)
     if not all(size):
-        photo = plate.at(frame).read()
+        photo = plate.frame_at(frame).read()
         size = photo.width, photo.height
     return _Picture(plate.plate.file(number).name, size, number if plate.plate.is_movie else None)
 
 
 def _camera(scene: bpy.types.Scene, obj: bpy.types.Object, picture: _Picture) -> Outgoing:
     camera = camera_bridge.read_camera(scene, obj, scene.gssmc.splat).at_size(*picture.size)
-    verdict, note = camera_solution.verdict(scene, obj), obj.data.gssmc
-    said: dict[str, Any] = {"lens_state": note.lens_state.lower()}
+    verdict, props = camera_solution.verdict(scene, obj), obj.data.gssmc
+    said: dict[str, Any] = {"lens_state": props.lens_state.lower()}
     if verdict != "NONE":
         changed = [f"{camera_solution.title(scene, obj)}."] if verdict == camera_solution.CHANGED else []
-        said |= {"verdict": verdict.lower(), "reasons": changed + note.reasons.splitlines()}
+        said |= {"verdict": verdict.lower(), "reasons": changed + props.reasons.splitlines()}
     return Outgoing(obj.name, replace(camera, file=picture.file), verdict, said, picture.movie_frame)
 
 

@@ -15,12 +15,12 @@ from . import channels as camera_channels
 
 def is_stale(scene: bpy.types.Scene, data: bpy.types.Camera) -> bool:
     """Whether the lens was written for a frame of another shape than the render's. False for a camera set by hand."""
-    note, render = data.gssmc, scene.render
-    if not (note.frame_x and note.frame_y):
+    props, render = data.gssmc, scene.render
+    if not (props.frame_x and props.frame_y):
         return False
     pixel = render.pixel_aspect_x / render.pixel_aspect_y
-    other_pixel = note.frame_pixel and abs(note.frame_pixel - pixel) > camera_bridge.SAME_PIXEL * pixel
-    return bool(other_pixel) or (note.frame_x, note.frame_y) != (render.resolution_x, render.resolution_y)
+    other_pixel = props.frame_pixel and abs(props.frame_pixel - pixel) > camera_bridge.SAME_PIXEL * pixel
+    return bool(other_pixel) or (props.frame_x, props.frame_y) != (render.resolution_x, render.resolution_y)
 
 
 def fit(scene: bpy.types.Scene, data: bpy.types.Camera) -> None:

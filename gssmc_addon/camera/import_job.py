@@ -26,7 +26,7 @@ from ...core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, rea
 from ..jobs.machine import Job
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
-from ..refine import job as jobs
+from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 
@@ -48,7 +48,7 @@ class Incoming:
 Found = list[Incoming | None]  # None for a camera that has no lens, nor a photo to take one from
 
 
-def gather(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
+def read_incoming(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
     """The cameras of a file or folder, read step by step (yields the share done). Needs no Blender. Raises GssmcError.
 
     `world`: nerfstudio's file that says how the splat's world lies to the cameras'.
@@ -105,7 +105,7 @@ class CameraImport(Job):
     def __init__(
         self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool, world: Path | None = None
     ) -> None:
-        super().__init__(partial(gather, path, photos, world))
+        super().__init__(partial(read_incoming, path, photos, world))
         self.step = n_("Reading cameras and photos")
         self.made = self.shown = self.left_out = 0
         self._path, self._set_resolution = path, set_resolution
@@ -116,11 +116,11 @@ class CameraImport(Job):
         self._size: tuple[int, int] | None = None  # of the render, before it was set
 
     def check(self) -> None:
-        scene = jobs.by_uid(bpy.data.scenes, self._scene)
-        if scene is None or jobs.by_uid(scene.objects, self._splat) is None:
+        scene = by_uid(bpy.data.scenes, self._scene)
+        if scene is None or by_uid(scene.objects, self._splat) is None:
             raise CameraError(rpt_("The splat or its scene was removed while cameras were imported; import them again."))
 
-    def note(self, news: float) -> None:
+    def on_progress(self, news: float) -> None:
         self.fraction = READING * news
 
     def advance(self) -> CameraImport | None:
@@ -142,15 +142,18 @@ class CameraImport(Job):
     def finish(self) -> None:
         """Brings what was made into the scene; the first camera becomes the scene's. Raises CameraError when it is gone."""
         self.check()
-        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), self._living_collection()
+        scene, collection = by_uid(bpy.data.scenes, self._scene), self._living_collection()
         scene.collection.children.link(collection)
-        scene.camera = jobs.by_uid(collection.objects, self._first)
+        scene.camera = by_uid(collection.objects, self._first)
         self._collection, self._size = 0, None  # from here on they are the user's
 
     def cancel(self) -> None:
         """Also takes back what was made and set so far, unless `finish()` has brought it into the scene."""
         super().cancel()
-        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), jobs.by_uid(bpy.data.collections, self._collection)
+        scene, collection = (
+            by_uid(bpy.data.scenes, self._scene),
+            by_uid(bpy.data.collections, self._collection),
+        )
         if scene and self._size:
             scene.render.resolution_x, scene.render.resolution_y = self._size
         self._size = None
@@ -170,7 +173,7 @@ class CameraImport(Job):
             )
         self.left_out = len(found) - len(usable)
         self.step = iface_("Making cameras")
-        scene, lens = jobs.by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
+        scene, lens = by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
         self._size = scene.render.resolution_x, scene.render.resolution_y
         pixel = conventions.pixel_shape(lens)
         photo_camera.frame(scene, (lens.width, lens.height), self._set_resolution, pixel)
@@ -178,20 +181,20 @@ class CameraImport(Job):
         self._left = usable[::-1]
 
     def _make(self, item: Incoming) -> None:
-        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), self._living_collection()
+        scene, collection = by_uid(bpy.data.scenes, self._scene), self._living_collection()
         name = Path(item.camera.file).stem or self._path.stem
         obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
         collection.objects.link(obj)
         if item.file:
             obj.data.gssmc.photo = _image(item.file, item.turned)
             self.shown += 1
-        camera_bridge.write_new_camera(scene, obj, jobs.by_uid(scene.objects, self._splat), item.camera)
+        camera_bridge.write_new_camera(scene, obj, by_uid(scene.objects, self._splat), item.camera)
         obj.data.gssmc.lens_state = "GUESSED" if item.camera.focal_guessed else "CALIBRATED"
         self._first = self._first or obj.session_uid
         self.made += 1
 
     def _living_collection(self) -> bpy.types.Collection:
-        collection = jobs.by_uid(bpy.data.collections, self._collection)
+        collection = by_uid(bpy.data.collections, self._collection)
         if collection is None:
             raise CameraError(rpt_("The cameras were removed while they were imported; import them again."))
         return collection

@@ -16,13 +16,13 @@ from ...core.geometry.camera import Intrinsics, Pose, pose_error
 from ...core.pose.report import RefineReport
 from ..photo import image as photo_image
 from ..plate import source as plate_source
-from ..registration.camera_props import note_verdict
+from ..registration.camera_props import keep_verdict
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 from . import channels as camera_channels
 from . import keys as camera_keys
 from . import record as camera_record
-from .record import Solution
+from .record import SolvedCamera
 
 # Blender keeps float32. What is allowed is below a tenth of a pixel of a photo of some thousand pixels.
 SAME_PLACE = 1e-4  # of the median depth
@@ -41,10 +41,10 @@ TITLES = {
 }
 
 
-def of_report(report: RefineReport, lens_state: str) -> Solution:
+def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
     """The solution that a refinement found; its lens counts as solved where it was solved for."""
     solved = report.lens != "fixed" and report.camera is not report.start
-    return Solution(
+    return SolvedCamera(
         report.camera,
         report.verdict,
         report.reasons,
@@ -55,14 +55,14 @@ def of_report(report: RefineReport, lens_state: str) -> Solution:
     )
 
 
-def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, found: Solution) -> None:
+def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, found: SolvedCamera) -> None:
     """Writes the record of a camera that was just set to it, and its verdict."""
-    note, image = camera.data.gssmc, photo_image.camera_photo(camera)
+    props, image = camera.data.gssmc, photo_image.camera_photo(camera)
     moves = image.source in plate_source.MOVING if image else plate_source.has_clip(camera)
     found = replace(found, points=len(splat.data.points), frame=scene.frame_current if moves else None)
-    note_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
-    note.lens_state = found.lens_state
-    note.solution, note.solved_photo = camera_record.dumps(found), image
+    keep_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
+    props.lens_state = found.lens_state
+    props.solution, props.solved_photo = camera_record.dumps(found), image
 
 
 def change(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
@@ -73,7 +73,7 @@ def change(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     return _change_of_photo(scene, camera, found) or _change_of_camera(scene, camera, found)
 
 
-def _change_of_photo(scene: bpy.types.Scene, camera: bpy.types.Object, found: Solution) -> str:
+def _change_of_photo(scene: bpy.types.Scene, camera: bpy.types.Object, found: SolvedCamera) -> str:
     image, size = photo_image.camera_photo(camera), photo_image.own_size(camera.data)
     gone = image is None and not plate_source.has_clip(camera)
     if gone or image != camera.data.gssmc.solved_photo or not _has_shape(found.camera.intrinsics, size):
@@ -81,7 +81,7 @@ def _change_of_photo(scene: bpy.types.Scene, camera: bpy.types.Object, found: So
     return "FRAME" if _other_frame(scene, found) else ""
 
 
-def _other_frame(scene: bpy.types.Scene, found: Solution) -> bool:
+def _other_frame(scene: bpy.types.Scene, found: SolvedCamera) -> bool:
     """Whether the photo moves and the scene shows a frame of it for which nothing was solved."""
     now = scene.frame_current
     if found.path:
@@ -89,8 +89,8 @@ def _other_frame(scene: bpy.types.Scene, found: Solution) -> bool:
     return found.frame is not None and found.frame != now
 
 
-def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, found: Solution) -> str:
-    splat, then = scene.gssmc.splat, found.at(scene.frame_current)
+def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, found: SolvedCamera) -> str:
+    splat, then = scene.gssmc.splat, found.camera_at(scene.frame_current)
     if splat is None or splat.type != "POINTCLOUD" or len(splat.data.points) != found.points:
         return "SPLAT"
     if then is None:  # between two keyframes
@@ -137,16 +137,16 @@ def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
         raise CameraError(rpt_("The solution stands in the splat; import or pick the splat first."))
     camera_channels.check_writable(camera)
     keyed = _write(scene, camera, splat, found)
-    note = camera.data.gssmc
-    if note.solved_photo and photo_image.camera_photo(camera) != note.solved_photo:
-        note.photo = note.solved_photo  # its update shows it
+    props = camera.data.gssmc
+    if props.solved_photo and photo_image.camera_photo(camera) != props.solved_photo:
+        props.photo = props.solved_photo  # its update shows it
         camera_bridge.write_intrinsics(scene, camera.data, found.camera.intrinsics)
-    note_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
-    note.lens_state = found.lens_state
+    keep_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
+    props.lens_state = found.lens_state
     return keyed
 
 
-def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, found: Solution) -> str:
+def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, found: SolvedCamera) -> str:
     if found.path:
         camera_keys.write(scene, camera, splat, dict(found.path), found.keys_lens)
         return rpt_("Its keyframes are those that were solved.")

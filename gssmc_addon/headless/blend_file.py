@@ -19,7 +19,7 @@ from ...core.pose.report_json import report_to_dict
 from ...core.splats import read_splats
 from ..camera import bridge as camera_bridge
 from ..camera import solution as camera_solution
-from ..camera.record import Solution
+from ..camera.record import SolvedCamera
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..registration import camera_props
@@ -87,19 +87,19 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
         photo_camera.frame(scene, (lens.width, lens.height), allowed=first, pixel=conventions.pixel_shape(lens))
         camera_bridge.write_camera(scene, obj, scene.gssmc.splat, camera)
     if verdict:
-        _note(obj, camera, verdict)
+        _keep_verdict(obj, camera, verdict)
     return obj
 
 
-def _note(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -> None:
+def _keep_verdict(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -> None:
     """Keeps on the camera what the refinement said, as `report_to_dict` gives it."""
     scene, rounds = bpy.context.scene, len(said["iterations"])
     if said["verdict"] == "failed":
-        camera_props.note_verdict(obj.data, "failed", said["reasons"], rounds, said["seconds"])
+        camera_props.keep_verdict(obj.data, "failed", said["reasons"], rounds, said["seconds"])
         return
     solved = said.get("lens", "fixed") != "fixed" and not camera.focal_guessed
     state = "SOLVED" if solved else obj.data.gssmc.lens_state
     depth = (said.get("quality") or {}).get("median_depth") or 0.0
     reasons = tuple(said["reasons"])
-    found = Solution(camera, said["verdict"], reasons, rounds, said["seconds"], state, depth)
+    found = SolvedCamera(camera, said["verdict"], reasons, rounds, said["seconds"], state, depth)
     camera_solution.keep(scene, obj, scene.gssmc.splat, found)

@@ -22,7 +22,7 @@ class DownloadJob(Job):
         self._title = model.title
         self._say(0.0)
 
-    def note(self, news: DownloadProgress) -> None:
+    def on_progress(self, news: DownloadProgress) -> None:
         self.fraction = news.fraction
         self._say(news.fraction)
 

@@ -12,7 +12,7 @@ import bpy
 from ...core.errors import GssmcError, RefineError
 from ..splat.copy import SplatCopying
 from ..support.texts import iface_, n_, sentence
-from .worker import Failure, Finished, Steps, Worker
+from .worker import Failure, Finished, Steps, WorkThread
 
 log = logging.getLogger(__name__)
 CATEGORY = "GS-SMC"  # the sidebar's tab
@@ -50,7 +50,7 @@ class Job:
     def __init__(self, work: Callable[[], Steps] | None = None, copying: SplatCopying | None = None) -> None:
         self.cancelled = False
         self.fraction, self.step, self.detail = 0.0, "Starting", ""
-        self._worker = Worker(work) if work else None
+        self._thread = WorkThread(work) if work else None
         self._copying = copying
         self._unseen, self._shown_at = False, 0.0
 
@@ -63,8 +63,8 @@ class Job:
 
     def begin(self) -> None:
         """Starts the work itself."""
-        if self._worker:
-            self._worker.start()
+        if self._thread:
+            self._thread.start()
 
     def run(self) -> Any:
         """Start to end, for callers that may block. Raises GssmcError as `tick` does."""
@@ -92,17 +92,17 @@ class Job:
         self.cancelled = True
         if self._copying:
             self._copying.stop()
-        if self._worker:
-            self._worker.stop()
+        if self._thread:
+            self._thread.stop()
 
     def join(self, timeout_s: float) -> bool:
         """Waits for the thread that runs now; True when it has ended."""
-        return self._worker.join(timeout_s) if self._worker else True
+        return self._thread.join(timeout_s) if self._thread else True
 
     def check(self) -> None:
         """Raises GssmcError when the job cannot go on, for what it works on is gone."""
 
-    def note(self, news: Any) -> None:
+    def on_progress(self, news: Any) -> None:
         """Takes in what a step yielded, for the progress bar."""
 
     def tick(self) -> Any:
@@ -120,12 +120,12 @@ class Job:
 
     def advance(self) -> Any:
         """Takes in what the thread has to tell; the result once there is one."""
-        for news in self._worker.news() if self._worker else ():
+        for news in self._thread.news() if self._thread else ():
             if isinstance(news, Failure):
                 raise RefineError(news.message)
             if isinstance(news, Finished):
                 return news.result
-            self.note(news)
+            self.on_progress(news)
             self.show()
         return None
 
@@ -182,9 +182,9 @@ class QueueJob(Job):
         self._next()
 
     def advance(self) -> Any:
-        if self._worker is None:  # the item could not even begin
+        if self._thread is None:  # the item could not even begin
             self._next()
-        for news in self._worker.news() if self._worker else ():
+        for news in self._thread.news() if self._thread else ():
             if isinstance(news, Failure):
                 self.fail_item(self.index, news.message)
                 self._next()
@@ -192,7 +192,7 @@ class QueueJob(Job):
                 self._take(news.result)
                 self._next()
             else:
-                self.note(news)
+                self.on_progress(news)
             self.show()
         return self.result() if self.index >= self.count else None
 
@@ -201,15 +201,15 @@ class QueueJob(Job):
 
     def _next(self) -> None:
         """Begins the next item; one attempt, so that a long row of bad items does not hold up the window."""
-        self._worker = None
+        self._thread = None
         self.index += 1
         if self.index >= self.count or self.cancelled:
             return
         self.fraction = self.index / self.count
         work = self._attempt(lambda: self.begin_item(self.index))
         if work is not None:
-            self._worker = Worker(work)
-            self._worker.start()
+            self._thread = WorkThread(work)
+            self._thread.start()
 
     def _attempt(self, step: Callable[[], Any]) -> Any:
         """What `step` gives; None where it raised, which is a failure of this item then."""

@@ -61,15 +61,15 @@ class Reporter(OperatorMixin):
 
 
 class JobOperator(Idle, Reporter):
-    """A mixin. The operator says what to do in `gather` and what to make of the result in `apply`.
+    """A mixin. The operator says which job it runs in `make_job` and what becomes of the result in `apply`.
 
-    It owns the job that it gathered: it follows, stops and ends no other, whichever runs.
+    It owns the job that it made: it follows, stops and ends no other, whichever runs.
     """
 
     _job: Job | None = None  # from its beginning to its end
     _beside = False  # whether Blender goes on meanwhile
 
-    def gather(self, context: bpy.types.Context) -> Job:
+    def make_job(self, context: bpy.types.Context) -> Job:
         """The job, with all its inputs copied out of Blender. Raises GssmcError."""
         raise NotImplementedError
 
@@ -123,12 +123,12 @@ class JobOperator(Idle, Reporter):
 
     def _run(self, context: bpy.types.Context) -> set[str]:
         slot.check_free()
-        job = self._job = self.gather(context)
+        job = self._job = self.make_job(context)
         return self.apply(context, job, job.run())
 
     def _start(self, context: bpy.types.Context) -> set[str]:
         slot.check_free()
-        job = self._job = self.gather(context)
+        job = self._job = self.make_job(context)
         self.tell(context, "")
         slot.begin(context, job)
         window = slot.home(context)

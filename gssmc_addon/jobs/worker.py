@@ -64,7 +64,7 @@ def refinement(inputs: RefineInputs) -> Generator[RefineProgress, None, RefineRe
     return (yield from iterate_refinement(inputs.splat.get(), photo, camera, inputs.settings))
 
 
-class Worker:
+class WorkThread:
     """Runs the steps that `work` makes in a daemon thread; `news()` is polled from the main thread."""
 
     def __init__(self, work: Callable[[], Steps]) -> None:

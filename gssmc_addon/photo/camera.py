@@ -25,7 +25,7 @@ PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the 
 
 
 @dataclass(frozen=True)
-class View:
+class ViewportView:
     """A 3D viewport: its `region` (RegionView3D), lens (mm, as the viewport takes it) and size in pixels."""
 
     region: bpy.types.RegionView3D
@@ -76,7 +76,7 @@ def choose_camera(context: bpy.types.Context, mode: str, photo_name: str, photo:
     return new_camera(context, Path(photo_name).stem, view, (photo.width, photo.height))
 
 
-def new_camera(context: bpy.types.Context, name: str, view: View | None, size: tuple[int, int]) -> bpy.types.Object:
+def new_camera(context: bpy.types.Context, name: str, view: ViewportView | None, size: tuple[int, int]) -> bpy.types.Object:
     """A new camera whose picture of `size` shows what the view shows; without a view, one where the scene camera stands."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     current = context.scene.camera
@@ -93,7 +93,7 @@ def new_camera(context: bpy.types.Context, name: str, view: View | None, size: t
     return camera
 
 
-def _take_lens(scene: bpy.types.Scene, data: bpy.types.Camera, view: View, size: tuple[int, int]) -> None:
+def _take_lens(scene: bpy.types.Scene, data: bpy.types.Camera, view: ViewportView, size: tuple[int, int]) -> None:
     """Gives the camera the lens with which a picture of `size` shows what the view shows."""
     (width, height), ax, ay = size, scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
     focal = conventions.focal_px_from_view(view.lens, view.size, (width * ax, height * ay))
@@ -126,7 +126,7 @@ def fit_camera(
     else:
         data.gssmc.lens_state = "GUESSED"
         notes.append(_lens_from_exif(scene, data, photo))
-    camera_props.note_verdict(data, "none", (), 0, 0.0)
+    camera_props.keep_verdict(data, "none", (), 0, 0.0)
     return notes
 
 
@@ -182,18 +182,18 @@ def stop_moving_with_view() -> None:
         space.lock_camera = False
 
 
-def find_view(context: bpy.types.Context) -> View | None:
+def find_view(context: bpy.types.Context) -> ViewportView | None:
     """The viewport that the mouse is in, else the first one of any window."""
     areas = (area for window in context.window_manager.windows for area in window.screen.areas)
     first = next((area for area in areas if area.type == "VIEW_3D"), None)
     return _view_here(context) or (_view_of(first) if first else None)
 
 
-def _view_here(context: bpy.types.Context) -> View | None:
+def _view_here(context: bpy.types.Context) -> ViewportView | None:
     area = context.area
     return _view_of(area) if area and area.type == "VIEW_3D" else None
 
 
-def _view_of(area: bpy.types.Area) -> View:
+def _view_of(area: bpy.types.Area) -> ViewportView:
     space, region = area.spaces.active, next(r for r in area.regions if r.type == "WINDOW")
-    return View(space.region_3d, space.lens, (max(1, region.width), max(1, region.height)))
+    return ViewportView(space.region_3d, space.lens, (max(1, region.width), max(1, region.height)))

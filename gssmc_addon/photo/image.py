@@ -154,9 +154,9 @@ def own_size(data: bpy.types.Camera) -> tuple[int, int]:
 
     (0, 0) where there is no photo, or its file is gone and Blender has no pixels of it either.
     """
-    note, image = data.gssmc, photo_of(data)
-    kept = note.photo_x, note.photo_y
-    known = all(kept) and note.framed == image
+    props, image = data.gssmc, photo_of(data)
+    kept = props.photo_x, props.photo_y
+    known = all(kept) and props.framed == image
     if image is None or (known and not image.has_data):
         return kept if known else (0, 0)
     if known and _same_shape(tuple(image.size), kept):

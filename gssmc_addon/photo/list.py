@@ -45,7 +45,7 @@ def find(scene: bpy.types.Scene, camera: bpy.types.Object) -> GssmcPhoto | None:
     return next((entry for entry in scene.gssmc.photos if entry.camera == camera), None)
 
 
-def note(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
+def add(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
     """The entry of a camera that was just given its photo; a new one where it has none yet."""
     entry = find(scene, camera) or scene.gssmc.photos.add()
     entry.camera, entry.error, entry.note, entry.file = camera, "", "", ""
@@ -60,7 +60,7 @@ def pick(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
     scene.gssmc.photo_index = next(i for i, entry in enumerate(scene.gssmc.photos) if entry.camera == camera)
 
 
-def note_unreadable(scene: bpy.types.Scene, name: str, message: str) -> GssmcPhoto:
+def add_unreadable(scene: bpy.types.Scene, name: str, message: str) -> GssmcPhoto:
     """A line for a photo that has no camera because it could not be used."""
     entry = scene.gssmc.photos.add()
     entry.file, entry.error, entry.ticked = name, message, False

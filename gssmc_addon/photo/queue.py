@@ -17,10 +17,11 @@ from ...core.pose.settings import RefineSettings
 from ..jobs.machine import QueueJob
 from ..jobs.retries import RetryQueue
 from ..jobs.worker import RefineInputs, Steps, refinement
-from ..refine import job as jobs
+from ..refine import job as refine_job
 from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
+from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import camera as photo_camera
 from . import image as photo_image
@@ -80,7 +81,7 @@ class AddPhotosJob(QueueJob):
         image = photo_image.load_image(path, photo)
         camera = photo_camera.choose_camera(context, "NEW", self.paths[index].name, photo)
         photo_camera.fit_camera(context, camera, photo, image, given, set_resolution=False)
-        photo_list.note(context.scene, camera, photo)
+        photo_list.add(context.scene, camera, photo)
         if not image.is_dirty:
             image.buffers_free()
         self.added.append(camera.session_uid)
@@ -114,15 +115,15 @@ class RefineQueue(RetryQueue):
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._cameras = [(entry.camera.session_uid, entry.camera.name) for entry in entries]
         self._renderer = SplatRenderer(copying, settings.threads)
-        self._targets: dict[int, jobs.Targets] = {}  # of the items that could begin
+        self._targets: dict[int, refine_job.Targets] = {}  # of the items that could begin
         self._tried = 0  # starts that the present photo of the second pass has
 
     def close(self) -> None:
         self._renderer.close()
 
     def check(self) -> None:
-        scene = jobs.by_uid(bpy.data.scenes, self._scene)
-        if scene is None or jobs.by_uid(scene.objects, self._splat) is None:
+        scene = by_uid(bpy.data.scenes, self._scene)
+        if scene is None or by_uid(scene.objects, self._splat) is None:
             raise RefineError(
                 rpt_("The splat or its scene was removed while photos were refined; those done before keep their result.")
             )
@@ -133,34 +134,34 @@ class RefineQueue(RetryQueue):
         self.step, self.detail = name, iface_("Photo {number} of {count}", number=number, count=count)
         if start:
             self.detail = iface_('Again, {number} of {count}: from "{name}"', number=number, count=count, name=start.name)
-        inputs = self._gather(item)
+        inputs = self._inputs_of(item)
         if start:
             inputs = replace(inputs, camera=replace(inputs.camera, pose=start.pose))
         return partial(refinement, inputs)
 
-    def _gather(self, item: int) -> RefineInputs:
+    def _inputs_of(self, item: int) -> RefineInputs:
         uid, name = self._cameras[item]
-        scene = jobs.by_uid(bpy.data.scenes, self._scene)
-        splat, camera = jobs.by_uid(scene.objects, self._splat), jobs.by_uid(scene.objects, uid)
+        scene = by_uid(bpy.data.scenes, self._scene)
+        splat, camera = by_uid(scene.objects, self._splat), by_uid(scene.objects, uid)
         if camera is None:
             raise RefineError(rpt_('The camera "{name}" is no longer in the scene; nothing was changed.', name=name))
         photo = photo_image.camera_photo(camera)
-        job = jobs.gather(scene, splat, camera, photo, self.settings, self._renderer)
+        job = refine_job.prepare(scene, splat, camera, photo, self.settings, self._renderer)
         self._targets[item] = job.targets
         if photo and photo.has_data and not photo.is_dirty and camera != scene.camera:
             photo.buffers_free()  # OpenEXR is decoded by Blender, which would keep the pixels of every photo
         return job.inputs
 
-    def note(self, news: RefineProgress) -> None:
+    def on_progress(self, news: RefineProgress) -> None:
         self.fraction = self.progress(news.fraction)
 
     def end_try(self, item: int, start: neighbours.Neighbour | None, report: RefineReport) -> bool:
         """A try of the second pass is written only when it is better than what there is."""
         before = self._verdict_of.get(item, "")
         if start is None or RANK[report.verdict] > RANK[before]:
-            jobs.apply_report(self._targets[item], report)
+            refine_job.apply_report(self._targets[item], report)
             self._verdict_of[item] = report.verdict
-            self._note(item, note=rpt_('Found from the camera of "{name}".', name=start.name) if start else "")
+            self._write_line(item, note=rpt_('Found from the camera of "{name}".', name=start.name) if start else "")
         if start and before == "failed" != report.verdict:
             self.found_again.append(self._cameras[item][1])
         return report.verdict == "trusted" or (start is None and report.verdict == "check")
@@ -169,11 +170,11 @@ class RefineQueue(RetryQueue):
         """In the second pass the photo keeps its verdict, and the line says what happened."""
         if start is None:
             self.failed.append((self._cameras[item][1], message))
-        self._note(item, error=message)
+        self._write_line(item, error=message)
 
     def other_starts(self, item: int) -> Sequence[neighbours.Neighbour]:
-        scene, camera = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
-        found = neighbours.starts(scene, jobs.by_uid(scene.objects, self._splat), camera) if self._tries_again else []
+        scene, camera = by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
+        found = neighbours.starts(scene, by_uid(scene.objects, self._splat), camera) if self._tries_again else []
         self._tried = len(found)
         return found
 
@@ -182,7 +183,7 @@ class RefineQueue(RetryQueue):
             tried = rpt_("Tried again from the cameras of {count} solved photos, without success.", count=self._tried)
             if self._tried == 1:
                 tried = rpt_("Tried again from the camera of 1 solved photo, without success.")
-            self._note(item, note=tried)
+            self._write_line(item, note=tried)
 
     def result(self) -> RefineQueue:
         return self
@@ -200,11 +201,11 @@ class RefineQueue(RetryQueue):
     def summary(self) -> str:
         """One to three sentences on all of them."""
         verdicts = self.verdicts
-        words = [rpt_(COUNTED[word], count=verdicts[word]) for word in COUNTED if verdicts[word]]
+        parts = [rpt_(COUNTED[word], count=verdicts[word]) for word in COUNTED if verdicts[word]]
         if self.failed:
-            words.append(rpt_("{count} could not be refined", count=len(self.failed)))
+            parts.append(rpt_("{count} could not be refined", count=len(self.failed)))
         done = verdicts.total() + len(self.failed)
-        values = {"done": done, "count": self.items, "results": ", ".join(words) or rpt_("none done")}
+        values = {"done": done, "count": self.items, "results": ", ".join(parts) or rpt_("none done")}
         said = [rpt_("{done} of {count} photos: {results}.", **values)]
         if self.items == 1:
             said = [rpt_("{done} of 1 photo: {results}.", **values)]
@@ -214,9 +215,9 @@ class RefineQueue(RetryQueue):
             said.append(rpt_("{count} photos were found from a solved one's camera.", count=len(self.found_again)))
         return " ".join([*said, *[message for _, message in self.failed[:1]]])
 
-    def _note(self, item: int, error: str = "", note: str = "") -> None:
+    def _write_line(self, item: int, error: str = "", note: str = "") -> None:
         """What the photo's line says."""
-        scene, uid = jobs.by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
+        scene, uid = by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
         entry = next((e for e in scene.gssmc.photos if e.camera and e.camera.session_uid == uid), None)
         if entry:
             entry.error, entry.note = error, note

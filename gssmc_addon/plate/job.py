@@ -20,9 +20,9 @@ from ..camera import bridge as camera_bridge
 from ..jobs.retries import RetryQueue
 from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import mask as mask_source
-from ..refine import job as jobs
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
+from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import source as plate_source
 
@@ -74,8 +74,8 @@ class SequenceJob(RetryQueue):
 
     def find(self) -> tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Object]:
         """The live scene, splat and camera. Raises RefineError when something is gone."""
-        scene = jobs.by_uid(bpy.data.scenes, self._uids[0])
-        splat, camera = (jobs.by_uid(scene.objects, uid) if scene else None for uid in self._uids[1:])
+        scene = by_uid(bpy.data.scenes, self._uids[0])
+        splat, camera = (by_uid(scene.objects, uid) if scene else None for uid in self._uids[1:])
         if splat is None or camera is None:
             raise RefineError(rpt_("The splat or the camera was removed while the plate was refined; nothing was changed."))
         return scene, splat, camera
@@ -96,10 +96,10 @@ class SequenceJob(RetryQueue):
         near = sequence.nearest(frame, self.reports) if start is None else start
         self._started.setdefault(frame, near)
         camera = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
-        source = mask_source.masked(self._plate.at(frame), self._mask)
+        source = mask_source.masked(self._plate.frame_at(frame), self._mask)
         return partial(refinement, RefineInputs(self._renderer, source, camera, self.settings))
 
-    def note(self, news: RefineProgress) -> None:
+    def on_progress(self, news: RefineProgress) -> None:
         self.fraction = self.progress(news.fraction)
 
     def end_try(self, item: int, start: int | None, report: RefineReport) -> bool:
@@ -160,14 +160,14 @@ class SequenceJob(RetryQueue):
     def summary(self) -> str:
         """Up to three sentences on all frames."""
         values = {"good": self.items - len(self.bad), "count": self.items}
-        words = [rpt_("{good} of {count} frames of the plate were refined.", **values)]
+        sentences = [rpt_("{good} of {count} frames of the plate were refined.", **values)]
         if self.items == 1:
-            words = [rpt_("1 frame of the plate was refined.")]
+            sentences = [rpt_("1 frame of the plate was refined.")]
         if self.doubtful:
-            words.append(rpt_("Look at these before you rely on them: {frames}.", frames=frame_list(self.doubtful)))
+            sentences.append(rpt_("Look at these before you rely on them: {frames}.", frames=frame_list(self.doubtful)))
         if self.bad:
-            words.append(rpt_("Bad and not keyed: {frames}.", frames=frame_list(self.bad)))
-        return " ".join(words)
+            sentences.append(rpt_("Bad and not keyed: {frames}.", frames=frame_list(self.bad)))
+        return " ".join(sentences)
 
     def reasons(self) -> list[str]:
         """The summary, then why frames are bad or doubtful, a line for all frames of which the same is to be said."""

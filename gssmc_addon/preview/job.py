@@ -78,7 +78,7 @@ class PreviewJob(Job):
         super().__init__(partial(_steps, inputs, lambda: self.cancelled), copying)
         self.inputs = inputs
 
-    def note(self, news: tuple[str, float]) -> None:
+    def on_progress(self, news: tuple[str, float]) -> None:
         self.step, self.fraction = news
 
 
@@ -137,7 +137,7 @@ def compose(options: PreviewOptions, pair: Comparison, matches: DrawnMatches | N
     return pair.render
 
 
-def gather(
+def prepare(
     context: bpy.types.Context, camera: bpy.types.Object | None, options: PreviewOptions, settings: RefineSettings
 ) -> PreviewJob:
     """Copies the inputs. Raises GssmcError, with what to do, when something is missing or unfit."""

@@ -12,7 +12,7 @@ import bpy
 
 from ...core.errors import GssmcError
 from ..camera import bridge as camera_bridge
-from ..jobs import slot as jobs
+from ..jobs import slot
 from ..photo import image as photo_image
 from ..plate import source as plate_source
 from ..splat import object as splat_object
@@ -47,7 +47,7 @@ def _press() -> float | None:
     window = next(iter(bpy.context.window_manager.windows), None)
     if window is None:
         return None
-    if jobs.active():
+    if slot.active():
         return BUSY_S
     with bpy.context.temp_override(window=window), contextlib.suppress(RuntimeError):  # it has said why, in the panel too
         bpy.ops.gssmc.preview("INVOKE_DEFAULT")

@@ -34,26 +34,26 @@ VERDICT_NAMES = {item[0]: item[1] for item in VERDICTS}
 VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "FAILED": "ERROR", "CHANGED": "LOOP_BACK"}
 
 
-def verdict_title(note: GssmcCamera) -> str:
+def verdict_title(props: GssmcCamera) -> str:
     """One line for the panel: the verdict, with the iterations, or of a plate the frames, and the time that it took."""
-    values = {"verdict": iface_(VERDICT_NAMES[note.verdict]), "count": note.iterations_done, "seconds": note.seconds}
-    if note.frames_done:
-        values["count"] = note.frames_done
+    values = {"verdict": iface_(VERDICT_NAMES[props.verdict]), "count": props.iterations_done, "seconds": props.seconds}
+    if props.frames_done:
+        values["count"] = props.frames_done
         one = iface_("{verdict}: 1 frame, {seconds:.1f} s", **values)
-        return one if note.frames_done == 1 else iface_("{verdict}: {count} frames, {seconds:.1f} s", **values)
-    if note.iterations_done == 1:
+        return one if props.frames_done == 1 else iface_("{verdict}: {count} frames, {seconds:.1f} s", **values)
+    if props.iterations_done == 1:
         return iface_("{verdict}: 1 iteration, {seconds:.1f} s", **values)
     return iface_("{verdict}: {count} iterations, {seconds:.1f} s", **values)
 
 
-def note_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
+def keep_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
     """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none", which also forgets a solution."""
-    note = data.gssmc
-    note.lens_state = note.lens_state  # in a file of an older version it follows from the verdict, as long as nobody sets it
+    props = data.gssmc
+    props.lens_state = props.lens_state  # in a file of an older version it follows from the verdict, as long as nobody sets it
     if verdict == "none":
-        note.solution, note.solved_photo = "", None
-    note.verdict, note.reasons = verdict.upper(), "\n".join(reasons)
-    note.iterations_done, note.seconds, note.frames_done = iterations, seconds, 0
+        props.solution, props.solved_photo = "", None
+    props.verdict, props.reasons = verdict.upper(), "\n".join(reasons)
+    props.iterations_done, props.seconds, props.frames_done = iterations, seconds, 0
 
 
 def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
@@ -64,7 +64,7 @@ def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
 
 
 def _lens_state(self: GssmcCamera) -> int:
-    """What was said of the lens. Older versions kept only whether it was calibrated, and said so themselves when they had
+    """What was said of the lens. Older versions props only whether it was calibrated, and said so themselves when they had
     solved for it: there only a camera that was never refined has it from the user.
     """
     if self.lens_said != NOTHING_SAID:

@@ -47,7 +47,7 @@ class SplatImport(Job):
             raise Cancelled(n_("The import was cancelled; nothing was changed."))
         self._read_share = fraction
 
-    def note(self, news: ReadSplat) -> None:
+    def on_progress(self, news: ReadSplat) -> None:
         self.step = n_("Making the splat")
         self._building = Building(self._path.stem, news, self._placement)
 

@@ -97,8 +97,8 @@ def _splat(scene: bpy.types.Scene) -> str:
     if not splat_object.is_splat(splat):
         return "none"
     bands, others = splat_object.sh_coefficients(splat), sum(splat_object.is_splat(o) for o in scene.objects if o != splat)
-    words = f"{len(splat.data.points):,} Gaussians, {bands} SH coefficients"
-    return f"{words}; {others} other splats in the scene" if others else words
+    told = f"{len(splat.data.points):,} Gaussians, {bands} SH coefficients"
+    return f"{told}; {others} other splats in the scene" if others else told
 
 
 def _summary() -> str:

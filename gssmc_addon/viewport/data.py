@@ -47,16 +47,16 @@ def build_tables(means: np.ndarray, scales: np.ndarray, rotations: np.ndarray, b
     place, shape, color = (np.zeros((-(-max(count, 1) // TABLE_WIDTH) * TABLE_WIDTH, 4), np.float32) for _ in range(3))
     for start in range(0, count, CHUNK):
         part = chosen[start : start + CHUNK]
-        at = slice(start, start + len(part))
-        place[at, :3] = means[part]
-        place[at, 3] = np.clip(base[part, 3], 0, 1)
+        rows = slice(start, start + len(part))
+        place[rows, :3] = means[part]
+        place[rows, 3] = np.clip(base[part, 3], 0, 1)
         cov = _covariances(scales[part], rotations[part])
-        shape[at] = cov[:4].T
-        color[at, :2] = cov[4:].T
-        color[at, 2] = _packed_colours(base[part, :3])
-        bad = ~np.isfinite(np.concatenate([place[at], shape[at], color[at]], axis=1)).all(axis=1)
+        shape[rows] = cov[:4].T
+        color[rows, :2] = cov[4:].T
+        color[rows, 2] = _packed_colours(base[part, :3])
+        bad = ~np.isfinite(np.concatenate([place[rows], shape[rows], color[rows]], axis=1)).all(axis=1)
         for table in (place, shape, color):
-            table[at][bad] = 0.0
+            table[rows][bad] = 0.0
     shuffled = np.ascontiguousarray(place[:count, :3])
     places, shapes, colors = (table.reshape(-1, TABLE_WIDTH, 4) for table in (place, shape, color))
     return SplatTables(count, shuffled, places, shapes, colors, near_distance(shuffled))

@@ -90,24 +90,24 @@ def height(bpy, extension, width):
 
 
 def note(extension, scene, *reasons):
-    extension("gssmc_addon.registration.camera_props").note_verdict(scene.camera.data, "check", reasons, 3, 12.5)
+    extension("gssmc_addon.registration.camera_props").keep_verdict(scene.camera.data, "check", reasons, 3, 12.5)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_the_panel_is_as_high_before_a_refinement_as_while_it_runs_and_after(bpy, scene, extension, width):
-    jobs, own = extension("gssmc_addon.refine.job"), bpy.context.window_manager.gssmc
+    slot, own = extension("gssmc_addon.jobs.slot"), bpy.context.window_manager.gssmc
     before = height(bpy, extension, width)
-    job = jobs.gather(
+    job = extension("gssmc_addon.refine.job").prepare(
         scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, extension("core.pose.settings").RefineSettings()
     )
-    jobs.begin(bpy.context, job)
+    slot.begin(bpy.context, job)
     try:
         heights = [height(bpy, extension, width)]
         job.detail = "Iteration 2 of 5"
         heights.append(height(bpy, extension, width))
     finally:
         job.cancel()
-        jobs.end(job)
+        slot.end(job)
         job.join(60)
     note(extension, scene, "Short.")
     heights.append(height(bpy, extension, width))
@@ -162,7 +162,7 @@ def test_a_number_of_the_splat_has_a_line_of_its_own(bpy, scene, extension, monk
     """A million is cut to a thousand where it shares a narrow sidebar with another field."""
     module = extension("gssmc_addon.viewport.props")
     monkeypatch.setattr(module, "is_drawable", lambda: True)
-    monkeypatch.setattr(extension("gssmc_addon.splat.object"), "has_native_type", lambda data: False)
+    monkeypatch.setattr(extension("gssmc_addon.splat.object"), "is_native", lambda cloud: False)
     shown = [line for line in lines(bpy, extension, 220) if any(part[1] == "max_shown" for part in line[1:])]
     assert [len(line) - 1 for line in shown] == [1]
 
