@@ -6,6 +6,7 @@ import bpy
 
 from ..operators import (
     add_photo,
+    add_photo_folder,
     add_photos,
     add_plate,
     back_to_solution,
@@ -26,6 +27,7 @@ from ..operators import (
     reset_settings,
     review,
     set_mask,
+    set_masks,
     undistort_photo,
     up_axis,
 )
@@ -49,10 +51,12 @@ _class_modules = (
     refine,
     cancel,
     add_photos,
+    add_photo_folder,
     remove_photo,
     refine_all,
     review,
     set_mask,
+    set_masks,
     preview,
     import_cameras,
     export_cameras,

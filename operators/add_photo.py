@@ -16,16 +16,6 @@ from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.operator_parts import FromFile, PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 
-CAMERA_ITEMS = (
-    (
-        "AUTO",
-        "Automatic",
-        "The scene camera while it has no photo and you look through it, else a new camera at the current view",
-    ),
-    ("NEW", "New Camera", "A new camera at the current view"),
-    ("SCENE", "Scene Camera", "The scene camera, where it stands"),
-)
-
 
 class AddsPicture(PlainOperator, FromFile):
     """What Add Photo and Add Plate share: the options, and how a picture gets its camera."""
@@ -33,7 +23,9 @@ class AddsPicture(PlainOperator, FromFile):
     __annotations__ = {
         "filter_image": BoolProperty(default=True, options={"HIDDEN"}),
         "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
-        "camera": EnumProperty(name="Camera", items=CAMERA_ITEMS, default="AUTO", description="Which camera it is set behind"),
+        "camera": EnumProperty(
+            name="Camera", items=photo_camera.CAMERA_ITEMS, default="AUTO", description="Which camera it is set behind"
+        ),
         "camera_file": StringProperty(
             name="Camera File",
             subtype="FILE_PATH",

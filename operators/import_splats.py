@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.render import memory
@@ -17,14 +17,10 @@ from ..gssmc_addon.splat import display as splat_display
 from ..gssmc_addon.splat import importer as splat_import
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.splat.import_job import SplatImport
-from ..gssmc_addon.splat.up_axis import AXIS_ITEMS
+from ..gssmc_addon.splat.import_options import import_annotations, summary
 from ..gssmc_addon.support.texts import iface_, rpt_
 from ..gssmc_addon.viewport import props as viewport_props
 
-ORIENTATION_ITEMS = (
-    ("AUTO", "By Format", "As is usual for the file's format (.ply and .splat y down, .spz y up), or as the file declares"),
-    *AXIS_ITEMS,
-)
 DIALOG_WIDTH = 340
 
 
@@ -37,38 +33,7 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
 
     __annotations__ = {
         "filter_glob": StringProperty(default=splat_import.FILTER, options={"HIDDEN"}),
-        "orientation": EnumProperty(
-            name="Up Axis",
-            items=ORIENTATION_ITEMS,
-            default="AUTO",
-            description="Turns the object; the file's coordinates stay. The panel changes it later",
-        ),
-        "scale": FloatProperty(
-            name="Scale",
-            default=1.0,
-            min=1e-6,
-            soft_min=0.01,
-            soft_max=100.0,
-            description="Scales the object; the file's coordinates stay",
-        ),
-        "max_shown": IntProperty(
-            name="Most Shown",
-            default=viewport_props.MAX_SHOWN,
-            min=1000,
-            description="Most Gaussians drawn in the viewport; all are imported. The panel changes it later",
-        ),
-        "show_colours": BoolProperty(
-            name="Colours of Points",
-            default=True,
-            description="Where the scan shows as points, switch Solid viewports to Material Preview, which has its colours",
-        ),
-        "wait": BoolProperty(
-            name="Wait",
-            default=True,
-            options={"HIDDEN", "SKIP_SAVE"},
-            description="For scripts: return when all is imported. Off, a window goes on meanwhile, "
-            "as it does after the dialog",
-        ),
+        **import_annotations(),
     }
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -105,13 +70,7 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
         obj, scene = job.finish(context)
         if self.show_colours and not (viewport_props.is_drawable() or splat_object.is_native(obj.data)):
             splat_display.show_colours(context)
-        values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
-        sentences = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
-        if scene.dropped == 1:
-            sentences.append(rpt_("1 Gaussian with values that are not finite was left out."))
-        elif scene.dropped:
-            sentences.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
-        return self.done(context, " ".join(sentences))
+        return self.done(context, summary(obj, scene))
 
     def stopped(self, context: bpy.types.Context, job: SplatImport) -> set[str]:
         return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")

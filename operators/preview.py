@@ -10,6 +10,7 @@ from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.preview import images as preview_images
 from ..gssmc_addon.preview import job as preview_job
 from ..gssmc_addon.preview import options as preview_options
+from ..gssmc_addon.preview import show as preview_show
 from ..gssmc_addon.preview import watch as preview_watch
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.support.operator_parts import NeedsPhoto
@@ -57,9 +58,9 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
         shown = preview_images.show(image)
         if self.background:
             preview_watch.mark(camera, job.inputs.camera, image)
-            _look_through(context, camera)
+            preview_show.look_through(context, camera)
         preview_images.show_in_viewport(camera.data, image if self.background else None)
-        sentences, seen = [_told(camera, result)], shown or self.background
+        sentences, seen = [preview_show.told(camera, result)], shown or self.background
         context.window_manager.gssmc.preview.flicker = self.style == "FLICKER" and seen
         if not seen:
             sentences.append(rpt_('Open an Image Editor and pick "{image}" in its header to see it.', image=image.name))
@@ -67,33 +68,6 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
 
     def stopped(self, context: bpy.types.Context, job: preview_job.PreviewJob) -> set[str]:
         return self.refuse(context, rpt_("The preview was cancelled."), level="INFO")
-
-
-def _look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
-    """Turns the viewport at hand to the scene's camera, where none looks through it yet: else the picture is nowhere to see."""
-    areas = (area for window in context.window_manager.windows for area in window.screen.areas if area.type == "VIEW_3D")
-    spaces = [area.spaces.active for area in areas]
-    looking = any(space.region_3d.view_perspective == "CAMERA" and space.camera == camera for space in spaces)
-    if spaces and not looking and camera == context.scene.camera:
-        here = context.space_data if context.area and context.area.type == "VIEW_3D" else spaces[0]
-        here.region_3d.view_perspective = "CAMERA"
-
-
-def _told(camera: bpy.types.Object, result: preview_job.Preview) -> str:
-    """What the preview shows, as a sentence."""
-    if not result.matches:
-        return rpt_('Preview of "{name}".', name=camera.name)
-    good = result.matches.good
-    if len(good) == 1:
-        return rpt_(
-            '"{name}": {good} of 1 match sits at the same place in photo and render.', name=camera.name, good=good.sum()
-        )
-    return rpt_(
-        '"{name}": {good} of {count} matches sit at the same place in photo and render.',
-        name=camera.name,
-        good=good.sum(),
-        count=len(good),
-    )
 
 
 classes = (GSSMC_OT_preview,)

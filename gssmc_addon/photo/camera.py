@@ -63,6 +63,17 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
     return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
 
 
+CAMERA_ITEMS = (
+    (
+        "AUTO",
+        "Automatic",
+        "The scene camera while it has no photo and you look through it, else a new camera at the current view",
+    ),
+    ("NEW", "New Camera", "A new camera at the current view"),
+    ("SCENE", "Scene Camera", "The scene camera, where it stands"),
+)
+
+
 def choose_camera(context: bpy.types.Context, mode: str, photo_name: str, photo: Photo) -> bpy.types.Object:
     """The camera object a photo goes to, by `mode`: AUTO, NEW or SCENE. Raises CameraError when there is none to take."""
     current = context.scene.camera

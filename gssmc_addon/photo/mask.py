@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...core.errors import PhotoError
+from ...core.errors import CameraError, PhotoError
 from ...core.photos.mask import WHITE, with_mask
 from ...core.photos.photo import Photo
 from ..support.texts import rpt_
@@ -71,3 +71,11 @@ def _painted(image: bpy.types.Image) -> Photo:
     colours = values.reshape(height, width, channels)[::-1, :, : min(channels, 3)]  # Blender's first row is the bottom one
     white = (colours.max(axis=2) >= WHITE / 255).astype(np.uint8) * np.uint8(255)
     return Photo(np.repeat(white[..., None], 3, axis=2), image.name)
+
+
+def load(path: str) -> bpy.types.Image:
+    """The mask as a Blender image. Raises CameraError when there is no such file."""
+    try:
+        return bpy.data.images.load(bpy.path.abspath(path), check_existing=True)
+    except RuntimeError:
+        raise CameraError(rpt_("There is no mask at '{path}'; check the path.", path=path)) from None

@@ -30,6 +30,7 @@ from . import neighbours
 from .entry import GssmcPhoto
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".exr")
+FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)  # of the file browser
 COUNTED = {"trusted": n_("{count} trusted"), "check": n_("{count} check"), "failed": n_("{count} failed")}
 RANK = {"": 0, "failed": 0, "check": 1, "trusted": 2}
 
@@ -48,6 +49,14 @@ def _decoded(read: Callable[[], Photo]) -> Steps:
     """Steps that read a photo."""
     yield "Reading"
     return read()
+
+
+def chosen_photos(directory: str, names: Sequence[str], filepath: str) -> list[Path]:
+    """What the file browser, or a script, chose: files of `directory` by `names`, all its photos, or the one at `filepath`."""
+    if not names and not directory and filepath:
+        return [Path(bpy.path.abspath(filepath))]
+    folder = Path(bpy.path.abspath(directory))
+    return [folder / name for name in names] if names else photos_in(folder)
 
 
 class AddPhotosJob(QueueJob):
@@ -91,6 +100,20 @@ class AddPhotosJob(QueueJob):
 
     def result(self) -> AddPhotosJob:
         return self
+
+    def summary(self) -> str:
+        """Up to three sentences: what was added, what could not be, what was left out."""
+        sentences = [rpt_("{count} photos added, each with its camera.", count=len(self.added))]
+        if len(self.added) == 1:
+            sentences = [rpt_("1 photo added, with its camera.")]
+        if self.failed:
+            sentences.append(rpt_("{count} could not be used; the list says why.", count=len(self.failed)))
+        left = self.count - len(self.added) - len(self.failed)
+        if left == 1:
+            sentences.append(rpt_("1 was left out when you stopped."))
+        elif left:
+            sentences.append(rpt_("{count} were left out when you stopped.", count=left))
+        return " ".join(sentences)
 
 
 class RefineQueue(RetryQueue):
@@ -221,6 +244,13 @@ class RefineQueue(RetryQueue):
         entry = next((e for e in scene.gssmc.photos if e.camera and e.camera.session_uid == uid), None)
         if entry:
             entry.error, entry.note = error, note
+
+
+WHICH = (
+    ("ALL", "All", "Every photo of the list"),
+    ("TICKED", "Ticked", "The photos that are ticked in the list"),
+    ("OPEN", "Not Trusted Yet", "The photos whose camera is not trusted yet"),
+)
 
 
 def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:

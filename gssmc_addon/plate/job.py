@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from statistics import median
 
@@ -25,22 +25,11 @@ from ..splat.renderer import SplatRenderer
 from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import source as plate_source
+from .options import SequenceOptions
 
 DOUBT = 0.25  # weight of a frame whose verdict is "check"
 SHOWN_FRAMES = 12
 FIGURES = re.compile(r"\d+(\.\d+)?")
-
-
-@dataclass(frozen=True)
-class SequenceOptions:
-    """Frames of the scene from `start` to `end` by `step`; `smooth_frames`: shorter wiggles are taken out."""
-
-    start: int
-    end: int
-    step: int
-    smooth_frames: float
-    every_frame: bool
-    key_lens: bool
 
 
 class SequenceJob(RetryQueue):

@@ -41,7 +41,7 @@ def importing(bpy, extension, context, path):
 
 
 def adding(bpy, extension, path):
-    hand = operator(bpy, extension("operators.add_photos").GSSMC_OT_add_photo_folder, directory=str(path), camera_file="")
+    hand = operator(bpy, extension("operators.add_photo_folder").GSSMC_OT_add_photo_folder, directory=str(path), camera_file="")
     hand.asked = True
     return hand
 
