@@ -94,7 +94,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    slot.unregister()  # first: a running job uses all the rest
+    slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
     viewport.unregister()
     camera_frame.unregister()

@@ -64,7 +64,7 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
     }
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        context.view_layer.update()  # scripts place objects and expect that to count
+        context.view_layer.update()  # Scripts move objects and expect their new places to be used.
         photo = photo_image.read_any_photo(self.filepath)
         camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))
         photo_list.add(context.scene, camera, photo)

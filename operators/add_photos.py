@@ -11,7 +11,6 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 from ..core.errors import RefineError
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.photo import queue as photo_queue
-from ..gssmc_addon.photo.queue import AddPhotosJob
 from ..gssmc_addon.support.operator_parts import JobFromFile
 from ..gssmc_addon.support.session_ids import by_uid
 from ..gssmc_addon.support.texts import rpt_
@@ -36,30 +35,29 @@ class AddsPhotos(JobFromFile):
         """The files that were chosen, in the order of the list."""
         raise NotImplementedError
 
-    def make_job(self, context: bpy.types.Context) -> AddPhotosJob:
+    def make_job(self, context: bpy.types.Context) -> photo_queue.AddPhotosJob:
         context.view_layer.update()
         known = photo_list.files(context.scene)
         paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
         if not paths:
             raise RefineError(rpt_("All of these photos are on the list already."))
-        return AddPhotosJob(context.scene, paths, self.camera_file)
+        return photo_queue.AddPhotosJob(context.scene, paths, self.camera_file)
 
-    def apply(self, context: bpy.types.Context, job: AddPhotosJob, result: Any) -> set[str]:
+    def apply(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob, result: Any) -> set[str]:
         scene = context.scene
         if not job.added:
-            name, message = job.failed[0] if job.failed else ("", rpt_("No photo was added."))
-            return self.refuse(context, message)
+            return self.refuse(context, job.failed[0][1] if job.failed else rpt_("No photo was added."))
         for name, message in job.failed:
             photo_list.add_unreadable(scene, name, message)
         photo_list.pick(scene, by_uid(scene.objects, job.added[0]))
         return self.done(context, job.summary(), "WARNING" if job.failed else "INFO")
 
-    def broke_off(self, context: bpy.types.Context, job: AddPhotosJob, message: str) -> set[str]:
+    def broke_off(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob, message: str) -> set[str]:
         """What was added before is kept; without this it would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED"} if job.added else {"CANCELLED"}
 
-    def stopped(self, context: bpy.types.Context, job: AddPhotosJob) -> set[str]:
+    def stopped(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob) -> set[str]:
         if job.added:
             return self.apply(context, job, job)
         return self.refuse(context, rpt_("Adding photos was stopped; nothing was changed."), level="INFO")

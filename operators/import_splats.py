@@ -28,7 +28,7 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
     """Import a 3D Gaussian Splatting scan as a point cloud"""
 
     bl_idname = "gssmc.import_splats"
-    bl_label = "Import Splats"  # also the file browser's button, which cuts longer ones off
+    bl_label = "Import Splats"  # This is also the file browser's button, which cuts off longer names.
     bl_options = {"UNDO", "PRESET"}
 
     __annotations__ = {
@@ -44,7 +44,7 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
         return ImportHelper.invoke(self, context, event)
 
     def check(self, context: bpy.types.Context) -> bool:
-        return True  # the file was changed: draw() describes it anew
+        return True  # Another file was chosen, and draw() has to describe it.
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True

@@ -15,7 +15,7 @@ from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.registration import preferences
 from ..gssmc_addon.support.texts import iface_, rpt_
 
-WIDTH = 460  # of the dialog, in Blender's units; about 76 characters
+WIDTH = 460  # The width of the dialog in Blender's units, about 76 characters.
 ITEMS = tuple((model.name, model.title, f"{model.licence}, {model.bytes / 1e6:.1f} MB") for model in KNOWN)
 
 

@@ -30,14 +30,14 @@ class GSSMC_OT_preview(NeedsPhoto, JobOperator, bpy.types.Operator):
     }
 
     def make_job(self, context: bpy.types.Context) -> preview_job.PreviewJob:
-        context.view_layer.update()  # scripts set locations and expect them to count
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         scene, own = context.scene, context.window_manager.gssmc.preview
         said_background = self.properties.is_property_set("background")
-        for name in preview_options.preview_annotations():  # what is not said is as in the panel
+        for name in preview_options.preview_annotations():  # Options that were not given are taken from the panel.
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(own, name))
         if not said_background and self.style not in preview_options.IN_VIEWPORT:
-            self.background = False  # the panel does not show its switch for these
+            self.background = False  # The panel does not show this switch for these styles.
         if self.background and self.style not in preview_options.IN_VIEWPORT:
             raise RefineError(rpt_("This style shows in an Image Editor only; for the viewport choose another style."))
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera

@@ -20,7 +20,7 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
 
     bl_idname = "gssmc.refine"
     bl_label = "Refine Camera"
-    bl_options = {"UNDO"}  # no REGISTER: the redo panel would run it again, blocking
+    bl_options = {"UNDO"}  # Without REGISTER, because the redo panel would run it again and block.
 
     __annotations__ = {
         "splat": StringProperty(name="Splat", description="Name of the splat object; empty: the one picked in the panel"),
@@ -34,7 +34,7 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
         splat = bpy.data.objects.get(self.splat) if self.splat else scene.gssmc.splat
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
         photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
-        context.view_layer.update()  # scripts set locations and expect them to count
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         job = refine_job.prepare(scene, splat, camera, photo, settings_props.settings_from(scene.gssmc, self.properties))
         problem.begin(self.bl_label)
         return job

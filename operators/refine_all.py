@@ -47,7 +47,7 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
         return super().poll(context)
 
     def make_job(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
-        context.view_layer.update()  # scripts set locations and expect them to count
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         scene = context.scene
         job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)
         problem.begin(self.bl_label)

@@ -59,7 +59,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
             column.prop(self, name)
 
     def make_job(self, context: bpy.types.Context) -> SequenceJob:
-        context.view_layer.update()  # scripts set locations and expect them to count
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         scene = context.scene
         splat_object.picked(scene, scene.gssmc.splat)
         options = plate_options.options_of(self, scene)

@@ -24,7 +24,7 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
 
     __annotations__ = {
         "directory": StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}),
-        "filter_image": BoolProperty(default=True, options={"HIDDEN"}),  # else a full folder looks empty
+        "filter_image": BoolProperty(default=True, options={"HIDDEN"}),  # Without this a folder of pictures would look empty.
         "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
     }
 

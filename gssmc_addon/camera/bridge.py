@@ -18,8 +18,8 @@ from ..support.texts import rpt_
 CALIBRATED = "CALIBRATED"  # of the property `lens_state`
 Distortion = tuple[float, float, float, float, float]  # in the order of DIST_NAMES
 DIST_NAMES = ("k1", "k2", "p1", "p2", "k3")
-MATRIX_TOLERANCE = 1e-4  # float32 through a parent's inverse
-SAME_PIXEL = 1e-6  # relative; Blender keeps float32
+MATRIX_TOLERANCE = 1e-4  # Blender multiplies with a parent's inverse in float32.
+SAME_PIXEL = 1e-6  # A relative difference; Blender stores these values as float32.
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,8 @@ def write_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intr
 def lens_in_render(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intrinsics, pixel: float) -> BlenderLens:
     """The lens with which the photo, its pixels `pixel` times as wide as high, lies in the render's present frame."""
     like = with_aspects(read_lens(scene, data), render_aspects(scene))
-    same_focal = replace(photo, fy=photo.fx * pixel)  # to the last digit, or Blender's pixel aspect would have to follow
+    # It has to be equal to the last digit, or Blender's pixel aspect would change.
+    same_focal = replace(photo, fy=photo.fx * pixel)
     resolution = scene.render.resolution_x, scene.render.resolution_y
     frame = conventions.frame_around_photo(same_focal, *resolution, like.pixel, pixel)
     return conventions.blender_from_intrinsics(frame, like)

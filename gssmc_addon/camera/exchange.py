@@ -163,7 +163,7 @@ def _plate_cameras(scene: bpy.types.Scene, obj: bpy.types.Object, plate: plate_s
     found = []
     try:
         for frame in frames:
-            scene.frame_set(frame)  # a parent or the splat may move
+            scene.frame_set(frame)  # A parent or the splat may be animated.
             found.append(_camera(scene, obj, _plate_picture(obj, plate, frame)))
     finally:
         scene.frame_set(at[0], subframe=at[1])

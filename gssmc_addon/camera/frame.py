@@ -52,7 +52,7 @@ def follow(scene: bpy.types.Scene) -> None:
     if is_stale(scene, camera.data):
         fit_all(scene)
     if camera.data.is_editable:
-        camera_bridge.show_pixel(camera.data)  # two cameras may share one image
+        camera_bridge.show_pixel(camera.data)  # Two cameras may show the same image.
 
 
 def release(data: bpy.types.Camera) -> None:
@@ -74,7 +74,7 @@ def _after_update(scene: bpy.types.Scene, *_: object) -> None:
 
 @bpy.app.handlers.persistent
 def _before_render(scene: bpy.types.Scene, *_: object) -> None:
-    fit_all(scene)  # markers may change the camera while it renders
+    fit_all(scene)  # Timeline markers may switch the camera during a render.
 
 
 def register() -> None:

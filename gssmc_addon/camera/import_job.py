@@ -30,9 +30,10 @@ from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 
-PHOTO_PLACES = (".", "images", "../images", "../../images")  # seen from the file: COLMAP's and nerfstudio's habits
+# Relative to the camera file, where COLMAP and nerfstudio usually put them.
+PHOTO_PLACES = (".", "images", "../images", "../../images")
 COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")
-SLICE_S = 0.05  # of each tick; a photo that has to be turned may exceed it
+SLICE_S = 0.05  # How much of each tick is used; a photo that has to be rotated may take longer.
 READING = 0.5  # share of the progress shown
 
 
@@ -45,7 +46,7 @@ class Incoming:
     turned: bool = False
 
 
-Found = list[Incoming | None]  # None for a camera that has no lens, nor a photo to take one from
+Found = list[Incoming | None]  # None where neither the camera nor its photo gives a lens.
 
 
 def read_incoming(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
@@ -78,7 +79,7 @@ def _incoming(start: Start, places: Sequence[Path]) -> Incoming | None:
     facts = _facts(file) if file else None
     if file is None or facts is None:
         return Incoming(start.camera(start.intrinsics), None) if start.intrinsics else None
-    # decoding hundreds would take minutes: a photo of which only size and focal length are known
+    # Only size and focal length are read here, because decoding hundreds of photos would take minutes.
     photo = Photo(np.zeros((1, 1, 3), np.uint8), str(file), facts.focal_35mm, full_size=(facts.width, facts.height))
     camera = start.camera(guess_lens(photo).intrinsics)
     camera = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
@@ -110,10 +111,10 @@ class CameraImport(Job):
         self.made = self.shown = self.left_out = 0
         self._path, self._set_resolution = path, set_resolution
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
-        self._left: list[Incoming] | None = None  # to be made, the last one first
+        self._left: list[Incoming] | None = None  # The cameras that are still to be made, in reverse order.
         self._collection = 0
         self._first = 0
-        self._size: tuple[int, int] | None = None  # of the render, before it was set
+        self._size: tuple[int, int] | None = None  # The render resolution before the import changed it.
 
     def check(self) -> None:
         scene = by_uid(bpy.data.scenes, self._scene)
@@ -145,7 +146,7 @@ class CameraImport(Job):
         scene, collection = by_uid(bpy.data.scenes, self._scene), self._living_collection()
         scene.collection.children.link(collection)
         scene.camera = by_uid(collection.objects, self._first)
-        self._collection, self._size = 0, None  # from here on they are the user's
+        self._collection, self._size = 0, None  # From here on a cancelled job no longer removes them.
 
     def cancel(self) -> None:
         """Also takes back what was made and set so far, unless `finish()` has brought it into the scene."""

@@ -22,7 +22,7 @@ from ...core.geometry.lie import so3_exp, so3_log
 log = logging.getLogger(__name__)
 
 NAMES = ("verdict", "iterations", "seconds", "lens_state", "median_depth", "points", "frame")
-POSE_NUMBERS = 6  # of a frame of a path: rotation vector and translation; then fx, fy, cx, cy where the lens is another
+POSE_NUMBERS = 6  # Per frame: rotation vector and translation, then fx, fy, cx, cy where the lens differs.
 
 
 @dataclass(frozen=True)

@@ -27,9 +27,9 @@ from .record import SolvedCamera
 # Blender keeps float32. What is allowed is below a tenth of a pixel of a photo of some thousand pixels.
 SAME_PLACE = 1e-4  # of the median depth
 SAME_TURN_DEG = 0.01
-SAME_LENS = 2e-5  # of the focal length, and of the photo's long side for the principal point
+SAME_LENS = 2e-5  # Relative to the focal length, and for the principal point to the photo's long side.
 SAME_DISTORTION = 1e-5
-FLOAT32 = 4 * float(np.finfo(np.float32).eps)  # a world matrix is a product of some
+FLOAT32 = 4 * float(np.finfo(np.float32).eps)  # A world matrix is a product of several float32 matrices.
 
 CHANGED = "CHANGED"
 TITLES = {
@@ -98,7 +98,7 @@ def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, found: S
     lens = then.intrinsics
     try:
         now = camera_bridge.read_camera(scene, camera, splat).at_size(lens.width, lens.height)
-    except CameraError:  # it became orthographic, or sheared; or the splat did
+    except CameraError:  # The camera became orthographic, or camera or splat were sheared.
         return "MOVED"
     places = [camera_bridge.world_matrix(obj) for obj in (camera, splat)]
     reach = max(place.translation.length for place in places)
@@ -151,7 +151,7 @@ def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Ob
         camera_keys.write(scene, camera, splat, dict(found.path), found.keys_lens)
         return rpt_("Its keyframes are those that were solved.")
     if found.frame is not None and found.frame != scene.frame_current:
-        scene.frame_set(found.frame)  # of a moving photo another frame has another camera
+        scene.frame_set(found.frame)  # Each frame of a moving photo has a camera of its own.
     camera_bridge.write_camera(scene, camera, splat, found.camera)
     return camera_channels.write_keyframes(scene, camera)
 

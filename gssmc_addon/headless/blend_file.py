@@ -73,10 +73,10 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
     name = Path(camera.file).stem or "Camera"
     obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     scene.collection.objects.link(obj)
-    first = scene.camera is None  # its photo's shape is the render's; the others are fitted into it
+    first = scene.camera is None  # The first photo gives the render its shape; the others are fitted into it.
     try:
         photo = read_photo(photo_file) if photo_file else None
-    except GssmcError:  # it failed alone in the batch, and its verdict says so
+    except GssmcError:  # Only this photo failed in the batch, and its verdict says so.
         photo = None
     if photo and photo_file:
         image = photo_image.load_image(str(photo_file.resolve()), photo)

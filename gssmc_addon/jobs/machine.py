@@ -17,8 +17,8 @@ from .worker import Failure, Finished, Steps, WorkThread
 log = logging.getLogger(__name__)
 CATEGORY = "GS-SMC"  # the sidebar's tab
 TICK_S = 0.1
-COPY_S = 0.03  # of a tick, for copying a splat; one attribute may exceed it
-SHOW_S = 0.4  # between redraws of the progress, each of which takes 0.1 s without a graphics card
+COPY_S = 0.03  # Seconds of a tick that go into copying a splat; a single attribute may take longer.
+SHOW_S = 0.4  # Seconds between redraws of the progress: a redraw takes 0.1 s without a graphics card.
 
 
 def redraw() -> None:
@@ -182,7 +182,7 @@ class QueueJob(Job):
         self._next()
 
     def advance(self) -> Any:
-        if self._thread is None:  # the item could not even begin
+        if self._thread is None:  # The item failed before its thread was started.
             self._next()
         for news in self._thread.news() if self._thread else ():
             if isinstance(news, Failure):

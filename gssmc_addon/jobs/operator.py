@@ -66,8 +66,8 @@ class JobOperator(Idle, Reporter):
     It owns the job that it made: it follows, stops and ends no other, whichever runs.
     """
 
-    _job: Job | None = None  # from its beginning to its end
-    _beside = False  # whether Blender goes on meanwhile
+    _job: Job | None = None  # Set while the job runs.
+    _beside = False  # Whether the job runs beside Blender instead of blocking it.
 
     def make_job(self, context: bpy.types.Context) -> Job:
         """The job, with all its inputs copied out of Blender. Raises GssmcError."""
@@ -99,10 +99,11 @@ class JobOperator(Idle, Reporter):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         job = self._job
-        if job is None or job is not slot.active():  # ended from outside: another file was opened
+        if job is None or job is not slot.active():  # The job was ended from outside, because another file was opened.
             self._job = None
             return {"CANCELLED"}
-        if (event.type, event.value) == ("ESC", "PRESS") or job.cancelled:  # the release may be that of a closed dialog's Esc
+        # Only the press counts: the release may belong to the Esc that closed a dialog.
+        if (event.type, event.value) == ("ESC", "PRESS") or job.cancelled:
             return self._ending(context, partial(self._stop, context, job))
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
@@ -167,7 +168,7 @@ class JobOperator(Idle, Reporter):
             self._broken(context, sentence(error))
             result = {"FINISHED"}
         if result.isdisjoint({"RUNNING_MODAL", "PASS_THROUGH"}):
-            self._job = None  # the operator outlives its work in Blender's history
+            self._job = None  # Blender keeps the operator in its history, so the job must be let go.
         return result
 
     def _broken(self, context: bpy.types.Context, message: str) -> set[str]:

@@ -18,9 +18,10 @@ class RetryQueue(QueueJob):
     def __init__(self, items: int, copying: SplatCopying | None = None) -> None:
         super().__init__(items, copying)
         self.items = items
-        self._order: list[tuple[int, Any]] = [(item, None) for item in range(items)]  # the start None: the item's own
+        # A start of None means the item's own start.
+        self._order: list[tuple[int, Any]] = [(item, None) for item in range(items)]
         self._unsolved: list[int] = []
-        self._again, self._again_count = 0, 0  # which item of the second pass this is, of how many
+        self._again, self._again_count = 0, 0  # The number of the item in the second pass, and their count.
 
     def begin_try(self, item: int, start: Any) -> Callable[[], Steps]:
         """Copies the item out of Blender; `start` is None in the first pass. GssmcError makes it a failure."""

@@ -81,7 +81,7 @@ def stop(job: Job) -> None:
     """Cancels `job`, which takes back what it made and is not done with, and ends it."""
     try:
         job.cancel()
-    except Exception:  # it is at its end, and nothing may keep the slot
+    except Exception:  # Whatever goes wrong at the end of a job, the slot must become free.
         log.exception("The job could not take back what it made")
     end(job)
 
@@ -90,7 +90,7 @@ def end(job: Job) -> None:
     """Closes and forgets `job` and stops its timer; harmless when that was done already."""
     try:
         job.close()
-    except Exception:  # what it found is worth having all the same
+    except Exception:  # The result is valid all the same.
         log.exception("The job could not be closed")
     if _slot.job is job:
         _release(job)

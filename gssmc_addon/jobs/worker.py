@@ -21,7 +21,7 @@ from ..support.texts import sentence
 
 log = logging.getLogger(__name__)
 
-Steps = Generator[Any, None, Any]  # yields what is worth showing, returns what came of it
+Steps = Generator[Any, None, Any]  # Yields progress, returns the result.
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class WorkThread:
 
     def _run(self, work: Callable[[], Steps]) -> None:
         try:
-            with quick_handover():  # each panel that Blender draws waits for the interpreter, 5 ms otherwise
+            with quick_handover():  # Without this, each panel that Blender draws would wait 5 ms for the interpreter.
                 self._go(work())
         except (GssmcError, MemoryError) as error:
             self._queue.put(Failure(error))

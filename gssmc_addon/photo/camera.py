@@ -20,7 +20,7 @@ from ..registration import camera_props
 from ..support.texts import rpt_
 from . import image as photo_image
 
-DEFAULT_LENS_MM = 35.0  # on Blender's sensor of 36 mm, as DEFAULT_FOV_DEG of core.photos.lens_guess
+DEFAULT_LENS_MM = 35.0  # The same angle as DEFAULT_FOV_DEG of core.photos.lens_guess, on Blender's sensor of 36 mm.
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
 
 
@@ -125,7 +125,7 @@ def fit_camera(
         camera_channels.check_writable(camera)
     scene.camera = camera
     notes = list(photo.notes)
-    data.gssmc.photo = image  # its update shows it behind the camera
+    data.gssmc.photo = image  # The update function of the property shows it behind the camera.
     pixel = conventions.pixel_shape(given.intrinsics) if given else None
     notes += frame(scene, (photo.width, photo.height), set_resolution, pixel)
     if given:

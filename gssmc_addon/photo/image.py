@@ -86,7 +86,7 @@ def is_linear(path: str) -> bool:
         with open(path, "rb") as file:
             return file.read(len(EXR_SIGNATURE)) == EXR_SIGNATURE
     except OSError:
-        return False  # the engine says what is wrong
+        return False  # The engine reports what is wrong with the file.
 
 
 def is_exr(image: bpy.types.Image, path: str) -> bool:
@@ -116,16 +116,16 @@ def load_image(path: str, photo: Photo) -> bpy.types.Image:
         if image.users == 0:
             bpy.data.images.remove(image)
         image = packed_copy(Path(path).name, photo)
-        image[FILE_KEY] = path  # it does not know where it came from
+        image[FILE_KEY] = path  # The packed copy does not know which file it was made from.
     return image
 
 
 def packed_copy(name: str, photo: Photo) -> bpy.types.Image:
     """A new image inside the .blend with the photo's pixels."""
-    height, width = photo.pixels.shape[:2]  # of a very large photo fewer than its own
+    height, width = photo.pixels.shape[:2]  # Blender loads a very large photo with fewer pixels than the file has.
     image = bpy.data.images.new(Path(name).stem + ".png", width, height)
     pixels = np.ones((height, width, 4), np.float32)
-    pixels[..., :3] = photo.pixels[::-1].astype(np.float32) / 255  # Blender's first row is the bottom one
+    pixels[..., :3] = photo.pixels[::-1].astype(np.float32) / 255  # Blender stores the bottom row first.
     image.pixels.foreach_set(pixels.ravel())
     image.file_format = "PNG"
     image.pack()

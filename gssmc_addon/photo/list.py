@@ -83,13 +83,13 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     image = photo_image.camera_photo(camera)
     scene.camera = camera
     camera_frame.follow(scene)
-    context.view_layer.update()  # a camera that was just linked is not in it yet
+    context.view_layer.update()  # A camera that was just linked is not in the view layer yet.
     if camera_solution.verdict(scene, camera) in ("TRUSTED", "CHECK"):
         photo_camera.stop_moving_with_view()
     if camera.name in context.view_layer.objects:
         photo_camera.look_through(context, camera)
     if left and left != image and not left.is_dirty:
-        left.buffers_free()  # going through hundreds of photos must not keep all their pixels
+        left.buffers_free()  # The pixels are released, or hundreds of photos would fill the memory.
     return True
 
 

@@ -14,7 +14,7 @@ from ..support.texts import rpt_
 from . import image as photo_image
 from .source import PhotoSource
 
-SINGLE: tuple[str, ...] = ("FILE", "GENERATED")  # sources of an image that is one picture
+SINGLE: tuple[str, ...] = ("FILE", "GENERATED")  # The sources that stand for a single picture.
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def _painted(image: bpy.types.Image) -> Photo:
         raise PhotoError(rpt_('The mask "{name}" has no pixels that Blender can read; save it as PNG.', name=image.name))
     values = np.empty(channels * width * height, np.float32)
     image.pixels.foreach_get(values)
-    colours = values.reshape(height, width, channels)[::-1, :, : min(channels, 3)]  # Blender's first row is the bottom one
+    colours = values.reshape(height, width, channels)[::-1, :, : min(channels, 3)]  # Blender stores the bottom row first.
     white = (colours.max(axis=2) >= WHITE / 255).astype(np.uint8) * np.uint8(255)
     return Photo(np.repeat(white[..., None], 3, axis=2), image.name)
 

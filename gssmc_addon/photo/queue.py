@@ -79,7 +79,7 @@ class AddPhotosJob(QueueJob):
         path = self.paths[index]
         self.step = path.name
         self.detail = iface_("Photo {number} of {count}", number=index + 1, count=self.count)
-        if photo_image.is_linear(str(path)):  # only Blender decodes it, and only here
+        if photo_image.is_linear(str(path)):  # OpenEXR is decoded by Blender alone, and only in the main thread.
             photo = photo_image.read_any_photo(str(path))
             return partial(_decoded, lambda: photo)
         return partial(_decoded, partial(read_photo, path))
@@ -132,14 +132,14 @@ class RefineQueue(RetryQueue):
         super().__init__(len(entries), copying)
         self.settings = settings
         self.failed: list[tuple[str, str]] = []
-        self.found_again: list[str] = []  # names of the cameras that a second try found
+        self.found_again: list[str] = []  # Names of the cameras that were found in the second pass.
         self._verdict_of: dict[int, str] = {}
         self._tries_again = again
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._cameras = [(entry.camera.session_uid, entry.camera.name) for entry in entries]
         self._renderer = SplatRenderer(copying, settings.threads)
-        self._targets: dict[int, refine_job.Targets] = {}  # of the items that could begin
-        self._tried = 0  # starts that the present photo of the second pass has
+        self._targets: dict[int, refine_job.Targets] = {}  # The targets of the items that could be started.
+        self._tried = 0  # How many starts the present photo of the second pass has.
 
     def close(self) -> None:
         self._renderer.close()
@@ -172,7 +172,7 @@ class RefineQueue(RetryQueue):
         job = refine_job.prepare(scene, splat, camera, photo, self.settings, self._renderer)
         self._targets[item] = job.targets
         if photo and photo.has_data and not photo.is_dirty and camera != scene.camera:
-            photo.buffers_free()  # OpenEXR is decoded by Blender, which would keep the pixels of every photo
+            photo.buffers_free()  # Blender decodes OpenEXR and would keep the pixels of every photo.
         return job.inputs
 
     def on_progress(self, news: RefineProgress) -> None:

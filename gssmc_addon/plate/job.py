@@ -27,7 +27,7 @@ from ..support.texts import iface_, n_, rpt_
 from . import source as plate_source
 from .options import SequenceOptions
 
-DOUBT = 0.25  # weight of a frame whose verdict is "check"
+DOUBT = 0.25  # The weight of a frame whose verdict is "check".
 SHOWN_FRAMES = 12
 FIGURES = re.compile(r"\d+(\.\d+)?")
 
@@ -55,7 +55,7 @@ class SequenceJob(RetryQueue):
         self.order = sequence.outward(frames, scene.frame_current)
         self.reports: dict[int, RefineReport] = {}
         self.bad: dict[int, str] = {}
-        self._started: dict[int, int | None] = {}  # the frame whose camera a frame's first try started from
+        self._started: dict[int, int | None] = {}  # The frame whose camera was the start of a frame's first try.
         self._uids = scene.session_uid, splat.session_uid, camera.session_uid
         self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
@@ -130,7 +130,8 @@ class SequenceJob(RetryQueue):
             smoothed = [FramePose(frame, pose) for frame, pose in zip(frames, poses, strict=True)]
             filled = list(range(frames[0], frames[-1] + 1))
             nearest = [sequence.nearest(frame, frames) for frame in filled]
-            lenses = [self.reports[near].camera for near in nearest if near is not None]  # there is one, for `frames` has two
+            # It is never None, because `frames` holds at least two.
+            lenses = [self.reports[near].camera for near in nearest if near is not None]
             frames, poses = filled, sequence.interpolate(smoothed, filled)
         return {frame: replace(lens, pose=pose) for frame, lens, pose in zip(frames, lenses, poses, strict=True)}
 

@@ -152,7 +152,7 @@ def prepare(
     needed = kept is None or options.style == "MATCHES"
     copying = SplatCopying(splat) if needed else None
     renderer = SplatRenderer(copying, single=True) if copying else None
-    if options.style == "MATCHES":  # the mask is nothing to see in the others
+    if options.style == "MATCHES":  # The other styles do not show the mask.
         source = mask_source.masked(source, mask_source.of(camera))
     return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key), copying)
 

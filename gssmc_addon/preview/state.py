@@ -10,7 +10,7 @@ from . import options as preview_options
 
 
 def _style_changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    from . import restyle  # it needs the properties, which need this module
+    from . import restyle  # Imported here, because that module needs the properties, which need this one.
 
     restyle.style_changed(self, context)
 

@@ -16,7 +16,7 @@ from ..support.texts import iface_
 from ..viewport import props as viewport_props
 
 LINE_SCALE = 0.8  # of a line of text
-OUTCOME_LINES = 4  # in a sidebar of the usual width the first sentence of a verdict, which is then the plainest
+OUTCOME_LINES = 4  # Enough for the first and most important sentence of a verdict in a sidebar of the usual width.
 
 
 class _Sidebar:
@@ -100,7 +100,7 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
     changed = camera_solution.title(context.scene, camera) if camera and not slot.active() else ""
     room = wrapping.room_px(context, icon=True) - wrapping.ICON_PX  # of the arrow
     if changed:
-        below = 1 if last.message else 0  # the message stays first, with its icon
+        below = 1 if last.message else 0  # The message stays in the first line, with its icon.
         texts = [*texts[:below], titles[0], *texts[below:]]
         titles, icon = [changed], camera_props.VERDICT_ICONS[camera_solution.CHANGED]
     row = box.row()

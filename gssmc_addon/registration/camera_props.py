@@ -30,7 +30,7 @@ LENS_STATES = (
 GUESSED, SOLVED, CALIBRATED = range(len(LENS_STATES))
 NOTHING_SAID = -1
 VERDICT_NAMES = {item[0]: item[1] for item in VERDICTS}
-# CHANGED: the camera is no longer what the verdict was of
+# CHANGED means that the camera is no longer the one that got the verdict.
 VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "FAILED": "ERROR", "CHANGED": "LOOP_BACK"}
 
 
@@ -49,7 +49,7 @@ def verdict_title(props: GssmcCamera) -> str:
 def keep_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
     """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none", which also forgets a solution."""
     props = data.gssmc
-    props.lens_state = props.lens_state  # in a file of an older version it follows from the verdict, as long as nobody sets it
+    props.lens_state = props.lens_state  # In a file of an older version this is derived from the verdict until it is set.
     if verdict == "none":
         props.solution, props.solved_photo = "", None
     props.verdict, props.reasons = verdict.upper(), "\n".join(reasons)
@@ -76,7 +76,7 @@ def _lens_state(self: GssmcCamera) -> int:
 
 def _set_lens_state(self: GssmcCamera, state: int) -> None:
     self.lens_calibrated = state == CALIBRATED
-    self.lens_said = state  # last, for the line above sets it too
+    self.lens_said = state  # This comes last, because the update function of the line above sets it too.
 
 
 def _calibrated_set(self: GssmcCamera, context: bpy.types.Context) -> None:
@@ -95,7 +95,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name="Photo",
             description="The photograph taken by this camera",
             type=bpy.types.Image,
-            poll=lambda self, image: image.source != "VIEWER",  # Render Result and Viewer Node
+            poll=lambda self, image: image.source != "VIEWER",  # This leaves out Render Result and Viewer Node.
             update=_photo_picked,
         ),
         "mask": PointerProperty(

@@ -31,7 +31,7 @@ def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
 def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
     """A scene's first splat brings the preferences' preset, for settings that nobody has touched."""
     if self.splat:
-        context.window_manager.gssmc.tell("")  # that there was none, or one no longer in the scene
+        context.window_manager.gssmc.tell("")  # The message may have been that there was no splat.
     preset = PRESETS.get(preferences.preset(context))
     names = [option.name for option in fields(RefineSettings) if option.name not in MODEL_OF]
     if self.splat and preset and not any(self.is_property_set(name) for name in names):
@@ -61,7 +61,7 @@ class GssmcScene(bpy.types.PropertyGroup):
 class GssmcWindow(bpy.types.PropertyGroup):
     """On the window manager, hence never saved: the last message of an operator, and panel state."""
 
-    if TYPE_CHECKING:  # what `tell` sets, and mypy would otherwise look for in here
+    if TYPE_CHECKING:  # Declared for mypy, because `tell` assigns them.
         message: str
         message_icon: str
 

@@ -20,14 +20,14 @@ def _sentence(text: str) -> str:
 
 
 OPTIONS = options_of(RefineSettings)
-TITLES = {  # where the field's own name does not fit into the sidebar
+TITLES = {  # Short titles for fields whose own name does not fit into the sidebar.
     "final_long_side_px": "Final Side (px)",
     "perturb_translation_ratio": "Shift (ratio)",
     "perturb_translation_units": "Shift (units)",
     "perturb_rotation_deg": "Turn (deg)",
 }
-LENS = "lens"  # stands in the Lens panel, and belongs to no quality
-MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
+LENS = "lens"  # It is shown in the Lens panel and is not part of a quality.
+MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # Maps a model file's field to the choice that it belongs to.
 QUALITY_ITEMS = (
     ("DRAFT", "Draft", "Fewer views of smaller pictures: for a first look, and for going through many photos quickly", 0),
     ("NORMAL", "Normal", "GS-SMC's own settings", 1),

@@ -112,7 +112,7 @@ class Building:
         cloud = cloud_size.new_cloud(name, len(read.scene))
         self._uid = cloud.session_uid
         self._attributes = splat_object.splat_attributes(read.scene, read.base)
-        self._made = self._done = 0  # attributes: there with any values, and written
+        self._made = self._done = 0  # How many attributes exist, and how many of them are filled.
 
     @property
     def fraction(self) -> float:

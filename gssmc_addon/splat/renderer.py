@@ -17,10 +17,10 @@ class SplatRenderer:
     """
 
     def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False) -> None:
-        self._copying = copying  # holds nothing any more once the renderer is made
+        self._copying = copying  # It is empty once the renderer is made.
         self._threads, self._single = threads, single
         self._renderer: Renderer | ProcessRenderer | None = None
-        self._processes: ProcessRenderer | None = None  # the renderer, where it has some
+        self._processes: ProcessRenderer | None = None  # The renderer, if it is one that draws in processes.
         self._closed = False
         self._lock = threading.Lock()
 

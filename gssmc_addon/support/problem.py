@@ -27,8 +27,8 @@ from ..splat import object as splat_object
 MODULES = ("numpy", "cv2", "scipy", "plyfile")
 TOLD = ("width", "height", "verdict", "reasons", "details", "iterations", "seconds", "quality", "stage", "lens")  # of a report
 TOLD_OF_ITERATION = ("views_used", "matches", "inliers", "rms_px_of_photo")
-QUOTED = re.compile(r"\"[^\"\n]*\"|(?<!\w)'[^'\n]*'(?!\w)")  # names and paths stand in quotes; an apostrophe is none
-PATHS = re.compile(r"\S*[\\/](?:.*[\\/])?\S*")  # from the first path of a line to the last, whatever stands between
+QUOTED = re.compile(r"\"[^\"\n]*\"|(?<!\w)'[^'\n]*'(?!\w)")  # Names and paths stand in quotes; an apostrophe does not open one.
+PATHS = re.compile(r"\S*[\\/](?:.*[\\/])?\S*")  # Everything from the first path of a line to the last is removed.
 
 
 class _Last:

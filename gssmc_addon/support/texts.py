@@ -46,5 +46,5 @@ def _filled(found: str, template: str, values: dict[str, object]) -> str:
         return found
     try:
         return found.format(**values)
-    except (LookupError, ValueError, TypeError, AttributeError):  # a dictionary's mistake must not cost the user's work
+    except (LookupError, ValueError, TypeError, AttributeError):  # A mistake in a translation must not cost the user's work.
         return template.format(**values)

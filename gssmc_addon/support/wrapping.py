@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import blf
 import bpy
 
-FONT_POINTS = 11  # of Blender's labels at a scale of 1
-MARGIN_PX = 62  # of the sidebar's width at a scale of 1: its tabs, and the frames of panel and box
+FONT_POINTS = 11  # The size of Blender's labels at a scale of 1.
+MARGIN_PX = 62  # What tabs, panel and box take of the sidebar's width at a scale of 1.
 ICON_PX = 22
 MORE = " \u2026"
 

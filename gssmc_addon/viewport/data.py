@@ -14,11 +14,11 @@ from ...core.render.project import ascending_order
 from ...core.render.view import INRIA_NEAR, NEAR_RATIO
 from ...core.splats.activate import SH_C0
 
-TABLE_WIDTH = 4096  # texels; a height of 16384 then holds 67 million Gaussians
+TABLE_WIDTH = 4096  # In texels; with a height of 16384 a table holds 67 million Gaussians.
 CHUNK = 1 << 17
 SEED = 0
 LARGEST_BOOST = 2.0
-SAMPLE = 20_000  # points that the near plane is judged by
+SAMPLE = 20_000  # How many points the near plane is estimated from.
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,8 @@ def back_to_front(means: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Indices of `means` (n, 3) from the farthest to the nearest, as float32, when the view looks along -`direction`."""
     height = means @ direction.astype(np.float32)
     height -= height.min()
-    return ascending_order(height).astype(np.float32)  # the nearest stand highest along `direction`, and are drawn last
+    # The nearest have the largest value along `direction` and are drawn last.
+    return ascending_order(height).astype(np.float32)
 
 
 def order_table(order: np.ndarray) -> np.ndarray:

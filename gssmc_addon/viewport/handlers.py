@@ -41,7 +41,7 @@ def _draw() -> None:
         return
     try:
         drawn = _handler.stage.draw(bpy.context)
-    except Exception:  # whatever a driver refuses: points instead, said once, and never a broken viewport
+    except Exception:  # Whatever a driver refuses, the splats become points and the log says so once.
         log.exception(UNDRAWABLE)
         _turn_into_points()
         return
@@ -69,7 +69,7 @@ def _tick() -> float | None:
         return None
     try:
         return _handler.stage.tick()
-    except Exception:  # as in _draw: some of the drawing is done between redraws
+    except Exception:  # Part of the drawing is done here, so the same errors can occur as in _draw.
         log.exception(UNDRAWABLE)
         _turn_into_points()
         return None

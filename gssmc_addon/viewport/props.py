@@ -15,7 +15,7 @@ SHOW_ITEMS = (
     ("POINTS", "Points", "Draw a point for each Gaussian; in colour in Material Preview"),
     ("BOX", "Box", "Draw only the box around the scan"),
 )
-_state = {"drawable": False}  # whether this Blender has a window and a graphics card that draws splats
+_state = {"drawable": False}  # Whether this Blender has a window and a graphics card that can draw splats.
 
 
 def set_drawable(drawable: bool) -> None:
@@ -36,7 +36,7 @@ def apply(obj: bpy.types.Object) -> None:
     ours = is_drawable() and not splat_object.is_native(obj.data)
     box = obj.gssmc.show_as == "BOX" or (obj.gssmc.show_as == "SPLATS" and ours)
     wanted = "BOUNDS" if box else "TEXTURED"
-    if obj.display_type != wanted:  # of a linked object too: it is how it looks here, and is not saved
+    if obj.display_type != wanted:  # This also works for a linked object: it only changes the display and is not saved.
         obj.display_type = wanted
 
 
@@ -65,7 +65,7 @@ def draw_settings(layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> N
         layout.label(text="Shown as points:", icon="INFO")
         layout.label(text="no fit graphics here", icon="BLANK1")
         return
-    layout.prop(obj.gssmc, "max_shown")  # each in a row of its own: side by side the number is cut in a narrow sidebar
+    layout.prop(obj.gssmc, "max_shown")  # Side by side the number would be cut off in a narrow sidebar.
     layout.prop(obj.gssmc, "opacity", slider=True)
 
 
