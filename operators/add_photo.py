@@ -24,7 +24,10 @@ class AddsPicture(PlainOperator, FromFile):
         "filter_image": BoolProperty(default=True, options={"HIDDEN"}),
         "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
         "camera": EnumProperty(
-            name="Camera", items=photo_camera.CAMERA_ITEMS, default="AUTO", description="Which camera it is set behind"
+            name="Camera",
+            items=photo_camera.CAMERA_ITEMS,
+            default="AUTO",
+            description="The camera that the picture is set behind",
         ),
         "camera_file": StringProperty(
             name="Camera File",

@@ -29,7 +29,9 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
     filename_ext = ".json"
     __annotations__ = {
         "filter_glob": StringProperty(default="*.json;*.txt", options={"HIDDEN"}),
-        "format": EnumProperty(name="Format", items=FORMATS, default="JSON", description="What other programs read"),
+        "format": EnumProperty(
+            name="Format", items=FORMATS, default="JSON", description="The format that the other program reads"
+        ),
         "selected": BoolProperty(
             name="Selected Only",
             default=False,

@@ -63,7 +63,7 @@ class GSSMC_OT_download_model(AskingJobOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context, job: DownloadJob, result: Any) -> set[str]:
         title = self._known().title
-        return self.done(context, rpt_("{model} is there; choose ALIKED or Auto in the panel's settings.", model=title))
+        return self.done(context, rpt_("{model} was downloaded; choose ALIKED or Auto in the panel's settings.", model=title))
 
     def stopped(self, context: bpy.types.Context, job: DownloadJob) -> set[str]:
         return self.refuse(context, rpt_("The download was stopped; the next one goes on from there."), level="INFO")

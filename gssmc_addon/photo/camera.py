@@ -145,7 +145,7 @@ def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo
     if not photo.focal_35mm:
         camera_bridge.move_to_render(scene, data, photo.width, photo.height)
         return rpt_(
-            "The photo tells no focal length: Refine starts from the camera's ({lens:.3g} mm) and solves for it.",
+            "The photo does not say its focal length: Refine starts from the camera's ({lens:.3g} mm) and solves for it.",
             lens=data.lens,
         )
     data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", PHOTO_SENSOR_MM

@@ -29,23 +29,25 @@ class SequenceOptions:
 def plate_annotations() -> dict[str, object]:
     """The options of the dialog as Blender properties."""
     return {
-        "start": IntProperty(name="Start", description="First frame of the scene; by default of plate and scene together"),
-        "end": IntProperty(name="End", description="Last frame of the scene; by default of plate and scene together"),
-        "step": IntProperty(name="Step", description="A keyframe every so many frames", default=10, min=1),
+        "start": IntProperty(
+            name="Start", description="First frame of the scene; by default the first that plate and scene share"
+        ),
+        "end": IntProperty(name="End", description="Last frame of the scene; by default the last that plate and scene share"),
+        "step": IntProperty(name="Step", description="The number of frames from one keyframe to the next", default=10, min=1),
         "smooth_frames": FloatProperty(
             name="Smooth (frames)",
-            description="Wiggles shorter than this many frames are taken out; 0 = none",
+            description="Removes shaking of the path that is shorter than this many frames; 0: none",
             default=20,
             min=0,
         ),
         "every_frame": BoolProperty(
             name="Key Every Frame",
-            description="Key the frames between too, on a smooth path; else Blender's curves do, which ease in and out",
+            description="Also key the frames in between, on a smooth path. Off, Blender's curves do, which ease in and out",
             default=True,
         ),
         "key_lens": BoolProperty(
             name="Key the Lens",
-            description="Also key focal length and shift, for a zoom; else the lens stays as it is",
+            description="Also key focal length and shift, for a zoom. Off, the lens stays as it is",
             default=False,
         ),
     }

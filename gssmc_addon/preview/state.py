@@ -37,6 +37,6 @@ class GssmcPreview(bpy.types.PropertyGroup):
     __annotations__ = {
         **preview_options.preview_annotations(_style_changed, _position_changed, _background_changed),
         "flicker": BoolProperty(
-            name="Flicker", description="Photo and render take turns, twice a second", default=False, update=flicker.changed
+            name="Flicker", description="Shows photo and render in turn, twice a second", default=False, update=flicker.changed
         ),
     }

@@ -120,7 +120,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
             set=_set_lens_state,
         ),
         "lens_said": IntProperty(
-            name="Lens Said", description="The state of the lens as it was set; -1: nobody did", default=NOTHING_SAID
+            name="Lens Said", description="The state of the lens as it was set; -1: it was never set", default=NOTHING_SAID
         ),
         "lens_calibrated": BoolProperty(
             name="Calibrated", description="What files and scripts of older versions say of the lens", update=_calibrated_set
@@ -136,21 +136,19 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name="Photo Pixel", description="Width over height of the photo's pixels; 0: the frame's", min=0
         ),
         "framed": PointerProperty(
-            name="Framed Photo", description="The photo whose size was last written down", type=bpy.types.Image
+            name="Framed Photo", description="The photo whose size was stored last", type=bpy.types.Image
         ),
         "photo_x": IntProperty(name="Photo X", description="Width of the photo in its own file; 0: unknown", min=0),
         "photo_y": IntProperty(name="Photo Y", description="Height of the photo in its own file; 0: unknown", min=0),
-        "solution": StringProperty(
-            name="Solution", description="What the camera was solved to be: a camera as JSON, with its verdict"
-        ),
+        "solution": StringProperty(name="Solution", description="The solved camera as JSON, with its verdict"),
         "solved_photo": PointerProperty(
             name="Solved Photo", description="The photo for which the camera was solved", type=bpy.types.Image
         ),
         "verdict": EnumProperty(name="Verdict", items=VERDICTS, default="NONE"),
-        "reasons": StringProperty(name="Reasons", description="Why, one sentence per line"),
+        "reasons": StringProperty(name="Reasons", description="The reasons for the verdict, one sentence per line"),
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
         "frames_done": IntProperty(name="Frames", description="Frames of the last refinement of a plate; 0: it was of a photo"),
-        "seconds": FloatProperty(name="Seconds", description="Wall time of the last refinement"),
+        "seconds": FloatProperty(name="Seconds", description="How long the last refinement took"),
         "bad_frames": StringProperty(
             name="Bad Frames", description="Frames of a plate that could not be refined and have no key"
         ),

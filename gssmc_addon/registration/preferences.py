@@ -89,7 +89,10 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
 
     __annotations__ = {
         "threads": IntProperty(
-            name="Threads", min=0, max=256, description="Views drawn side by side where a scene says 0; 0: one per core"
+            name="Threads",
+            min=0,
+            max=256,
+            description="Views rendered at the same time where a scene's own value is 0; 0: one per processor core",
         ),
         "memory_limit_gb": FloatProperty(
             name="Memory Limit (GB)",
@@ -101,7 +104,10 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
             name="Default Preset", items=PRESET_ITEMS, description="Settings of a scene when it gets its first splat"
         ),
         "log_file": StringProperty(
-            name="Log File", subtype="FILE_PATH", update=_log_changed, description="Where the engine's log goes; empty: nowhere"
+            name="Log File",
+            subtype="FILE_PATH",
+            update=_log_changed,
+            description="The file that the engine's log is written to; empty: none",
         ),
         **{
             f"model_{name}": StringProperty(

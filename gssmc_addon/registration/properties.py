@@ -52,7 +52,7 @@ class GssmcScene(bpy.types.PropertyGroup):
             update=_splat_picked,
         ),
         "photos": CollectionProperty(type=GssmcPhoto),
-        "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=_photo_clicked),
+        "photo_index": IntProperty(name="Photo", description="The selected photo of the list", min=0, update=_photo_clicked),
         "quality": quality_annotation(),
         **settings_annotations(),
     }
@@ -66,11 +66,9 @@ class GssmcWindow(bpy.types.PropertyGroup):
         message_icon: str
 
     __annotations__ = {
-        "message": StringProperty(name="Message", description="What the last operation said"),
+        "message": StringProperty(name="Message", description="The message of the last operation"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
-        "details": BoolProperty(
-            name="Details", description="Show all that is to be said of the camera, and not only the beginning"
-        ),
+        "details": BoolProperty(name="Details", description="Show the whole text on the camera, and not only its beginning"),
         "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
 
@@ -86,7 +84,7 @@ classes = (GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, Gssm
 
 @bpy.app.handlers.persistent
 def _after_undo(*_: object) -> None:
-    """What the last operation said is no longer so: undo takes back its result, and knows nothing of the message."""
+    """The message of the last operation is no longer so: undo takes back its result, and knows nothing of the message."""
     for manager in bpy.data.window_managers:
         manager.gssmc.tell("")
 

@@ -23,7 +23,7 @@ def import_annotations() -> dict[str, object]:
             name="Up Axis",
             items=ORIENTATION_ITEMS,
             default="AUTO",
-            description="Turns the object; the file's coordinates stay. The panel changes it later",
+            description="Turns the object and leaves the file's coordinates as they are. The panel can change it later",
         ),
         "scale": FloatProperty(
             name="Scale",
@@ -31,13 +31,14 @@ def import_annotations() -> dict[str, object]:
             min=1e-6,
             soft_min=0.01,
             soft_max=100.0,
-            description="Scales the object; the file's coordinates stay",
+            description="Scales the object and leaves the file's coordinates as they are",
         ),
         "max_shown": IntProperty(
             name="Most Shown",
             default=viewport_props.MAX_SHOWN,
             min=1000,
-            description="Most Gaussians drawn in the viewport; all are imported. The panel changes it later",
+            description="The largest number of Gaussians drawn in the viewport; all are imported. "
+            "The panel can change it later",
         ),
         "show_colours": BoolProperty(
             name="Colours of Points",

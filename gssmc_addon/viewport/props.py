@@ -96,7 +96,8 @@ class GssmcObject(bpy.types.PropertyGroup):
         ),
         "max_shown": IntProperty(
             name="Most Shown",
-            description="Most Gaussians drawn in the viewport, a fair choice of all; nothing else uses this number",
+            description="The largest number of Gaussians drawn in the viewport, chosen at random from all; "
+            "only the display uses it",
             default=MAX_SHOWN,
             min=1000,
             soft_max=10_000_000,
@@ -112,7 +113,7 @@ class GssmcObject(bpy.types.PropertyGroup):
         ),
         "opacity": FloatProperty(
             name="Opacity",
-            description="Of the splats in the viewport; lower it to see what stands behind, the photo for example",
+            description="Opacity of the splats in the viewport; lower it to see what is behind them, for example the photo",
             default=1.0,
             min=0.0,
             max=1.0,
