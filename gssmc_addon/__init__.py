@@ -1,4 +1,4 @@
-"""The Blender side of GS-SMC: what is registered, in which order."""
+"""The Blender side of GS-SMC: registers its classes in their order."""
 
 from __future__ import annotations
 

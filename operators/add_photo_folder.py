@@ -20,7 +20,7 @@ class GSSMC_OT_add_photo_folder(AddsPhotos, bpy.types.Operator):
     __annotations__ = {**AddsPhotos.__annotations__}
 
     def _chosen(self) -> list[Path]:
-        """The browser lists the photos, so that one sees what comes; scripts may name the folder, or a photo in it."""
+        """The photos of the folder that the browser shows; scripts may name the folder or a photo in it."""
         if not self.directory and self.filepath:
             path = Path(bpy.path.abspath(self.filepath))
             return photos_in(path if path.is_dir() else path.parent)

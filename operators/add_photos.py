@@ -53,7 +53,7 @@ class AddsPhotos(JobFromFile):
         return self.done(context, job.summary(), "WARNING" if job.failed else "INFO")
 
     def broke_off(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob, message: str) -> set[str]:
-        """What was added before is kept; without this it would be in no undo step."""
+        """Keeps what was added before; without this it would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED"} if job.added else {"CANCELLED"}
 

@@ -1,4 +1,4 @@
-"""File > Import > Gaussian Splats: a worker thread in the window, a plain call in scripts and background mode."""
+"""File > Import > Gaussian Splats: runs beside the window, and blocks in scripts and background mode."""
 
 from __future__ import annotations
 

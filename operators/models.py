@@ -1,4 +1,4 @@
-"""Download Model: the licence first, then the file, checked."""
+"""Download Model: shows the licence, then downloads and checks the file."""
 
 from __future__ import annotations
 

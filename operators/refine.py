@@ -1,4 +1,4 @@
-"""Refine Camera: a worker thread in the window, a plain call in scripts and background mode."""
+"""Refine Camera: runs beside the window, and blocks in scripts and background mode."""
 
 from __future__ import annotations
 

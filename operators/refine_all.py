@@ -68,7 +68,7 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
         return {"FINISHED" if job.refined else "CANCELLED"}
 
     def broke_off(self, context: bpy.types.Context, job: photo_queue.RefineQueue, message: str) -> set[str]:
-        """As after a stop; without this, what was refined before would be in no undo step."""
+        """Keeps what was refined before; without this it would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 

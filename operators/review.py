@@ -1,4 +1,4 @@
-"""Next and previous photo of the list."""
+"""Next Photo and Previous Photo: looks through the next camera of the list."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
         return True
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        """Sizes are checked when a photo is refined: reading all of them takes minutes."""
+        """Assigns the masks. Their sizes are checked when a photo is refined, because reading all of them takes minutes."""
         scene, folder = context.scene, Path(bpy.path.abspath(self.directory))
         cameras = photo_list.cameras(scene)
         images = [(camera, photo_image.camera_photo(camera)) for camera in cameras]

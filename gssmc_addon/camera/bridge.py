@@ -50,8 +50,8 @@ def splat_similarity(splat: bpy.types.Object) -> Similarity:
 
 
 def world_matrix(obj: bpy.types.Object) -> Matrix:
-    """Where the object stands in the scene. Blender works it out only for what is in a view layer: of an object in an excluded
-    collection it has the identity after a file was opened.
+    """The object's matrix in the scene. Blender computes it only for objects in a view layer: after a file is opened, an object
+    in an excluded collection still has the identity.
     """
     if obj.matrix_world != Matrix.Identity(4):
         return obj.matrix_world
@@ -96,7 +96,7 @@ def with_aspects(lens: BlenderLens, aspects: tuple[float, float]) -> BlenderLens
 
 
 def photo_pixel(data: bpy.types.Camera, lens: BlenderLens) -> float:
-    """How wide a pixel of the camera's photo is shown, in its heights; one of the frame's until a lens said otherwise."""
+    """Width over height of the photo's pixels as they are shown; that of the render's pixels until a lens sets it."""
     return data.gssmc.photo_pixel or lens.pixel
 
 
@@ -178,7 +178,7 @@ def lens_in_render(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intrin
 
 
 def show_pixel(data: bpy.types.Camera) -> None:
-    """Has the pictures behind the camera drawn with the photo's own pixels."""
+    """Makes Blender draw the pictures behind the camera with the pixel aspect of the photo."""
     if not data.gssmc.photo_pixel:
         return
     aspects = conventions.pixel_aspects(data.gssmc.photo_pixel)
@@ -208,5 +208,5 @@ def _keep_size(data: bpy.types.Camera, photo: Intrinsics) -> None:
 
 
 def _nearly(value: float, kept: float) -> float:
-    """`kept` where it is as good as `value`, which would otherwise drift with every writing."""
+    """`kept` where it equals `value` within float32, so that the value does not drift with every write."""
     return kept if kept and abs(value - kept) <= SAME_PIXEL * kept else value

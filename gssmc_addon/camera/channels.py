@@ -1,4 +1,4 @@
-"""What else sets a camera's transform and lens: constraints, drivers, NLA, keyframes. Refused, or written along."""
+"""What else sets a camera's transform and lens. Constraints, drivers and NLA are refused; keyframes are written along."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cameras out to files of other programs, in the coordinates of the splat file. camera.import_job is the way in."""
+"""Exports cameras to files of other programs, in the coordinates of the splat file. camera.import_job imports them."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def write(path: Path, kind: str, found: Sequence[Outgoing]) -> list[str]:
 
 
 def _solved(found: Sequence[Outgoing]) -> list[Outgoing]:
-    """Those that did not fail. Raises DatasetError when none is left, or one shows a movie."""
+    """The cameras that did not fail. Raises DatasetError when none is left, or one shows a movie."""
     usable = [item for item in found if item.verdict != "FAILED"]
     if not usable:
         raise DatasetError(rpt_("Every camera failed to be solved; refine them again, or export camera JSON."))

@@ -45,7 +45,7 @@ def fit_all(scene: bpy.types.Scene) -> None:
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """To be called whenever something may have changed; does nothing unless the scene's camera shows that it has."""
+    """Call this whenever the render's shape may have changed; it does nothing unless the scene's camera has the old one."""
     camera = scene.camera
     if camera is None or camera.type != "CAMERA":
         return

@@ -1,4 +1,4 @@
-"""Cameras in from files of other programs: read in a thread, with the headers of their photos, and made in slices.
+"""Imports cameras from files of other programs. They are read in a thread, with their photos' headers, and made in slices.
 
 Thousands of them must not hold up the window. Between two slices Blender's data may change (undo, another file), so what was
 made is kept by session id.
@@ -87,7 +87,7 @@ def _incoming(start: Start, places: Sequence[Path]) -> Incoming | None:
 
 
 def _facts(file: Path) -> PhotoFacts | None:
-    """None for a bad photo."""
+    """What the photo's header says; None when the photo cannot be read."""
     try:
         return photo_facts(file)
     except (GssmcError, OSError):

@@ -1,4 +1,4 @@
-"""Whether a camera still is what it was solved to be, which its record tells (see record), and the way back.
+"""Compares a camera with the record of its solution (see record), and restores the solution.
 
 That is worked out when somebody asks, from where the camera stands then: so nothing that moves it can go unnoticed, be it undo,
 a parent, a keyframe or a script, and splat and camera that are moved together stay solved.
@@ -66,7 +66,7 @@ def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Obje
 
 
 def change(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
-    """What is no longer as it was solved, a key of TITLES; "" when all is, or the camera was never solved."""
+    """What differs from the solution, as a key of TITLES; "" when nothing does, or the camera was never solved."""
     found = camera_record.read(camera.data)
     if found is None:
         return ""
@@ -126,7 +126,7 @@ def title(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
 
 
 def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
-    """Makes the camera what it was solved to be: photo, pose, lens and verdict. A sentence on keyframes that were set; "".
+    """Restores photo, pose, lens and verdict of the solution. Returns a sentence on keyframes that were set, or "".
 
     Raises CameraError, with nothing changed, when there is no record, or camera or splat cannot carry it.
     """
@@ -157,7 +157,7 @@ def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Ob
 
 
 def _has_shape(lens: Intrinsics, size: tuple[int, int]) -> bool:
-    """Up to the pixel that making a copy smaller may round away; True where the photo's size is not known."""
+    """Allows for the pixel that is lost when a copy is made smaller; True where the photo's size is not known."""
     return not all(size) or abs(lens.width * size[1] - lens.height * size[0]) <= max(lens.width, lens.height, *size)
 
 

@@ -51,7 +51,7 @@ def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orient
 
 
 def _make_photos_relative(folder: Path) -> None:
-    """So that .blend and photos can be moved together; a photo on another drive keeps its full path."""
+    """Makes paths relative, so that .blend and photos can be moved together; a photo on another drive keeps its full path."""
     for image in bpy.data.images:
         if image.source == "FILE" and image.filepath and not image.packed_file and Path(image.filepath).drive == folder.drive:
             image.filepath = bpy.path.relpath(image.filepath, start=str(folder))

@@ -67,7 +67,7 @@ class Job:
             self._thread.start()
 
     def run(self) -> Any:
-        """Start to end, for callers that may block. Raises GssmcError as `tick` does."""
+        """Runs the job from start to end and blocks meanwhile. Raises GssmcError as `tick` does."""
         try:
             if self._copying:
                 self._copying.finish()
@@ -85,7 +85,7 @@ class Job:
             self.close()
 
     def close(self) -> None:
-        """The job has ended, one way or another: lets go of what is more than memory."""
+        """Called when the job has ended in any way: releases processes and files."""
 
     def cancel(self) -> None:
         """Stops the job without waiting, and takes back what it made; its thread ends by itself at its next step."""
@@ -100,10 +100,10 @@ class Job:
         return self._thread.join(timeout_s) if self._thread else True
 
     def check(self) -> None:
-        """Raises GssmcError when the job cannot go on, for what it works on is gone."""
+        """Raises GssmcError when the job cannot go on because what it works on was removed."""
 
     def on_progress(self, news: Any) -> None:
-        """Takes in what a step yielded, for the progress bar."""
+        """Takes the progress that a step yielded, for the progress bar."""
 
     def tick(self) -> Any:
         """The result once there is one. Raises GssmcError when the job cannot go on; it is cancelled then, or at any other
@@ -119,7 +119,7 @@ class Job:
             raise
 
     def advance(self) -> Any:
-        """Takes in what the thread has to tell; the result once there is one."""
+        """Takes the thread's messages; returns the result once there is one."""
         for news in self._thread.news() if self._thread else ():
             if isinstance(news, Failure):
                 raise RefineError(news.message)
@@ -130,7 +130,7 @@ class Job:
         return None
 
     def show(self) -> None:
-        """Has the progress drawn, in this tick or one soon after."""
+        """Requests that the progress is drawn, in this tick or soon after."""
         self._unseen = True
 
     def _show(self) -> None:
@@ -140,7 +140,7 @@ class Job:
             redraw()
 
     def _copied(self) -> bool:
-        """Goes on with the splat's copy; True when there is nothing left to copy. Starts the work then."""
+        """Continues the splat's copy and starts the work when it is complete; True when there is nothing left to copy."""
         if self._copying is None:
             return True
         done = self._copying.advance(time.perf_counter() + COPY_S)
@@ -200,7 +200,7 @@ class QueueJob(Job):
         self._attempt(lambda: self.end_item(self.index, result))
 
     def _next(self) -> None:
-        """Begins the next item; one attempt, so that a long row of bad items does not hold up the window."""
+        """Begins the next item, one per call, so that many bad items in a row do not block the window."""
         self._thread = None
         self.index += 1
         if self.index >= self.count or self.cancelled:
@@ -212,7 +212,7 @@ class QueueJob(Job):
             self._thread.start()
 
     def _attempt(self, step: Callable[[], Any]) -> Any:
-        """What `step` gives; None where it raised, which is a failure of this item then."""
+        """The result of `step`; None when it raised, which counts as a failure of this item."""
         try:
             return step()
         except GssmcError as error:

@@ -23,7 +23,7 @@ else:
 
 
 class Idle(OperatorMixin):
-    """A mixin for operators that stand back while a job runs."""
+    """A mixin for operators that cannot be called while a job runs."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -41,22 +41,22 @@ class Idle(OperatorMixin):
         return super().execute(context)
 
     def busy(self, error: slot.BusyError) -> set[str]:
-        """The operator's result where another job runs. Not in the panel's line: that is the job's, which may end otherwise."""
+        """The operator's result while another job runs. The panel's line is not touched, because it belongs to that job."""
         self.report({"ERROR"}, str(error))
         return {"CANCELLED"}
 
 
 class Reporter(OperatorMixin):
-    """A mixin: what an operator has to say, in Blender's report and in the panel's line."""
+    """A mixin that shows an operator's message in Blender's report and in the panel."""
 
     def done(self, context: bpy.types.Context, message: str, level: str = "INFO", line: str = "") -> set[str]:
-        """The result of success. The panel's line becomes `line`: what stood there, be it the error resolved, is past."""
+        """The result of success. The panel's line becomes `line`, which also removes an earlier error."""
         self.tell(context, line)
         self.report({level}, message)
         return {"FINISHED"}
 
     def tell(self, context: bpy.types.Context, message: str, icon: str = "INFO") -> None:
-        """The line in the panel."""
+        """Sets the line in the panel."""
         context.window_manager.gssmc.tell(message, icon)
 
 
@@ -86,7 +86,7 @@ class JobOperator(Idle, Reporter):
         return self.refuse(context, message)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Blocking; the way of scripts and background mode."""
+        """Runs the job and blocks, as scripts and background mode need it."""
         return self._ending(context, partial(self._run, context))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -116,7 +116,7 @@ class JobOperator(Idle, Reporter):
             slot.stop(job)
 
     def refuse(self, context: bpy.types.Context, message: str, level: str = "ERROR") -> set[str]:
-        """Says why nothing comes of it, once: in the panel where the user sees that, else in Blender's report."""
+        """Reports a refusal once: in the panel if it is visible, otherwise in Blender's report."""
         self.tell(context, message, level)
         if not (self._beside and panel_is_open(context)):
             self.report({level}, message)
@@ -185,5 +185,5 @@ class AskingJobOperator(JobOperator):
     asked = False
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """After the dialog beside Blender; from scripts it waits."""
+        """Runs beside Blender after the dialog, and blocks when a script calls it."""
         return self.begin(context) if self.asked else super().execute(context)

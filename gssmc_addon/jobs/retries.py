@@ -1,4 +1,4 @@
-"""A queue that comes back to its failures: after the first pass each gets a few more tries, from other starts."""
+"""A queue with a second pass, in which each item that failed gets a few more tries from other starts."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class RetryQueue(QueueJob):
         raise NotImplementedError
 
     def other_starts(self, item: int) -> Sequence[Any]:
-        """From where an unsolved item is tried again; asked when its turn comes, so that what was solved by then counts."""
+        """The starts for an unsolved item. It is called when its turn comes, so that items solved by then are included."""
         raise NotImplementedError
 
     def gave_up(self, item: int) -> None:

@@ -34,7 +34,7 @@ class ViewportView:
 
     @property
     def is_free(self) -> bool:
-        """Whether it looks through no camera."""
+        """Whether the view does not look through a camera."""
         return self.region.view_perspective != "CAMERA"
 
 
@@ -119,7 +119,7 @@ def fit_camera(
     given: Camera | None,
     set_resolution: bool,
 ) -> list[str]:
-    """Gives the camera its photo, lens and, from a camera file, its pose. Sentences on what was found and set."""
+    """Gives the camera its photo, lens and, from a camera file, its pose. Returns sentences on what was found and set."""
     scene, data = context.scene, camera.data
     if given:
         camera_channels.check_writable(camera)
@@ -155,7 +155,7 @@ def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo
 
 
 def frame(scene: bpy.types.Scene, size: tuple[int, int], allowed: bool, pixel: float | None = None) -> list[str]:
-    """Gives the render the photo's resolution where its shape differs, if `allowed`. Sentences on what was done.
+    """Gives the render the photo's resolution where its shape differs, if `allowed`. Returns sentences on what was done.
 
     `pixel`: width over height of the photo's pixels, which the render's take too; None: those of the render as they are. The
     other cameras of the scene follow, so that each keeps its fit.
@@ -187,7 +187,7 @@ def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
 
 
 def stop_moving_with_view() -> None:
-    """Switches off Lock Camera to View, with which the next turn of the view would take a solved camera along."""
+    """Switches off Lock Camera to View, because turning the view would otherwise move a solved camera."""
     areas = (area for screen in bpy.data.screens for area in screen.areas)
     for space in (space for area in areas for space in area.spaces if space.type == "VIEW_3D"):
         space.lock_camera = False

@@ -90,7 +90,7 @@ def is_linear(path: str) -> bool:
 
 
 def is_exr(image: bpy.types.Image, path: str) -> bool:
-    """By its first bytes: asking Blender for the format makes it decode the whole photo, and keep it."""
+    """Whether the first bytes are OpenEXR's. Asking Blender for the format would make it decode and keep the whole photo."""
     return bytes(image.packed_file.data).startswith(EXR_SIGNATURE) if image.packed_file else is_linear(path)
 
 
@@ -165,12 +165,12 @@ def own_size(data: bpy.types.Camera) -> tuple[int, int]:
 
 
 def _same_shape(a: tuple[int, int], b: tuple[int, int]) -> bool:
-    """Up to the pixel that halving a side may round away."""
+    """Compares the shapes, but for the pixel that halving a side may lose."""
     return abs(a[0] * b[1] - a[1] * b[0]) <= max(*a, *b)
 
 
 def _size_in_file(image: bpy.types.Image) -> tuple[int, int]:
-    """By the file's first bytes; Blender would decode all of it, and does where they do not tell."""
+    """Reads the size from the file's first bytes; where they do not hold it, Blender decodes the whole file."""
     file = photo_file(image)
     if image.source == "FILE" and Path(file).is_file() and not is_exr(image, file):
         try:

@@ -1,4 +1,4 @@
-"""The scene's list of photos: what is on it, and the one that is looked at."""
+"""The scene's list of photos, and the one that is selected."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def add(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> Gssmc
 
 
 def pick(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
-    """Makes a camera's entry the picked one, which is then looked through."""
+    """Selects a camera's entry; its update function then looks through the camera."""
     scene.gssmc.photo_index = next(i for i, entry in enumerate(scene.gssmc.photos) if entry.camera == camera)
 
 
@@ -100,7 +100,7 @@ def thumbnail(entry: GssmcPhoto) -> int:
 
 
 def _set_thumbnail(image: bpy.types.Image, photo: Photo) -> None:
-    """A small picture of our own: Blender's would read the whole photo again, and keep it."""
+    """Makes a small picture ourselves, because Blender would read the whole photo again and keep it."""
     height, width = photo.pixels.shape[:2]
     scale = THUMBNAIL_PX / max(width, height)
     size = max(1, round(width * scale)), max(1, round(height * scale))

@@ -1,4 +1,4 @@
-"""From where a photo is tried again of which no camera was found: the cameras of solved photos of the list."""
+"""Other starts for a photo whose camera was not found: the cameras of solved photos of the list."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from .settings import MODEL_OF, quality_annotation, settings_annotations
 
 
 def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
-    """A line of the list was clicked: its camera becomes the one that is looked through, and its verdict what is told."""
+    """A line of the list was clicked: the viewport looks through its camera, and the panel shows its verdict."""
     context.window_manager.gssmc.tell("")
     photo_list.show(context, self.id_data)
 
@@ -73,7 +73,7 @@ class GssmcWindow(bpy.types.PropertyGroup):
     }
 
     def tell(self, message: str, icon: str = "INFO") -> None:
-        """Sets the message. The same again is not written, for Blender draws the whole window anew then."""
+        """Sets the message, but not to the same value, which would make Blender redraw the whole window."""
         if self.message != message or self.message_icon != icon:
             self.message = message
             self.message_icon = icon
@@ -84,7 +84,7 @@ classes = (GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, Gssm
 
 @bpy.app.handlers.persistent
 def _after_undo(*_: object) -> None:
-    """The message of the last operation is no longer so: undo takes back its result, and knows nothing of the message."""
+    """Clears the message: undo takes back the operation that it was about, but not the message."""
     for manager in bpy.data.window_managers:
         manager.gssmc.tell("")
 

@@ -51,7 +51,7 @@ def _title(name: str) -> str:
 
 
 def _limits(option: Option) -> dict[str, Any]:
-    """What may be typed, which is just what the engine accepts, and what a slider offers."""
+    """The limits for typing, which are those of the engine, and those of the slider."""
     if option.low is None or option.high is None:
         return {}
     soft_low = option.low if option.soft_low is None else option.soft_low
@@ -60,7 +60,7 @@ def _limits(option: Option) -> dict[str, Any]:
 
 
 def quality_annotation() -> Any:
-    """What is chosen instead of single settings. It keeps nothing of its own: it is read from the settings, and sets them."""
+    """The choice of a quality. It stores no value: it is read from the settings and sets them."""
     return EnumProperty(
         name="Quality",
         items=QUALITY_ITEMS,

@@ -1,4 +1,4 @@
-"""How a splat object shows where nobody draws its Gaussians (see viewport): coloured points, sized like the Gaussians.
+"""The look of a splat object where its Gaussians are not drawn (see viewport): coloured points as large as the Gaussians.
 
 Only a look: nothing here is read back. A material turns the splats' base colour into light, so that Material Preview and
 Rendered show the scan; `radius` gives the points their size.

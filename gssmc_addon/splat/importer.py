@@ -48,7 +48,7 @@ def describe(path: str) -> list[str]:
 
 
 def _axes_told(info: SplatInfo) -> str:
-    """Few files say which way is up; of the others it is a guess, and told as one."""
+    """The up axis as a sentence, which says whether the file declares it or it is a guess."""
     axes = iface_(AXIS_WORDS[info.orientation])
     if info.declared:
         return iface_("Up axis: {axes}, as the file says", axes=axes)

@@ -102,7 +102,7 @@ def _splat(scene: bpy.types.Scene) -> str:
 
 
 def _summary() -> str:
-    """What the last job was, and what came of it."""
+    """Describes the last job and its result."""
     if not _last.job:
         return "none in this session"
     counts = Counter(report.verdict for report in _last.reports.values())

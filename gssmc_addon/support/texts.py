@@ -1,4 +1,4 @@
-"""Words that are put together at run time, in the user's language.
+"""Texts that are put together at run time, in the user's language.
 
 Names, labels and descriptions of what is registered, and plain texts of a layout, Blender looks up by itself. A sentence with
 values in it it cannot know: here its template is looked up, and filled in afterwards. The functions have the names by which

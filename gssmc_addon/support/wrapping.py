@@ -33,7 +33,7 @@ def lines(text: str, room: float) -> list[str]:
 
 
 def _broken(word: str, room: float) -> list[str]:
-    """The word in parts that fit, of one letter at least."""
+    """The word in parts that fit, each with at least one letter."""
     parts = []
     while len(word) > 1 and not fits(word, room):
         count = next((n for n in range(len(word) - 1, 1, -1) if fits(word[:n], room)), 1)

@@ -83,7 +83,7 @@ def _packed_colours(dc: np.ndarray) -> np.ndarray:
 
 
 def near_distance(means: np.ndarray) -> float:
-    """As RenderSettings.for_scene, of a sample: the first means, whose order is random."""
+    """The near distance as RenderSettings.for_scene computes it, from a sample: the first means, whose order is random."""
     some = means[:SAMPLE]
     if not len(some):
         return INRIA_NEAR

@@ -29,7 +29,7 @@ class FrontPicture:
 
 
 def front_pictures(context: bpy.types.Context) -> list[FrontPicture]:
-    """Those of the viewport, the lowest first; of very many the uppermost."""
+    """The viewport's pictures from the lowest to the uppermost; of very many only the uppermost."""
     space, region = context.space_data, context.region_data
     camera = space.camera if region.view_perspective == "CAMERA" else None
     if camera is None or camera.type != "CAMERA" or not camera.data.show_background_images or not space.overlay.show_overlays:

@@ -101,7 +101,7 @@ class Before:
 
 
 class Painter:
-    """The shaders; made inside a draw, where a GPU context exists. Raises what Blender raises when they do not compile."""
+    """The shaders; made inside a draw, where a GPU context exists. Raises Blender's own exception when they do not compile."""
 
     def __init__(self) -> None:
         self._splat, self._overlay = _splat_shader(), _overlay_shader()

@@ -41,7 +41,7 @@ def apply(obj: bpy.types.Object) -> None:
 
 
 def apply_all() -> None:
-    """After opening a file, which may come from another machine."""
+    """Called after a file was opened, which may come from another machine."""
     for obj in bpy.data.objects:
         if splat_object.is_splat(obj):
             apply(obj)
@@ -76,7 +76,7 @@ def _changed(self: GssmcObject, context: bpy.types.Context) -> None:
 
 
 def redraw_views() -> None:
-    """Has every 3D viewport drawn anew. A script's change does not do that by itself, as a click in the panel does."""
+    """Requests a redraw of every 3D viewport. A change from a script, unlike a click in the panel, does not do that."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":

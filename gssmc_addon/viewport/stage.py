@@ -45,7 +45,7 @@ class _View:
     version: int = -1
 
     def rests(self) -> bool:
-        """True when it may take its time: it does not move, and shows something meanwhile."""
+        """True when the view does not move and shows a picture, so that a full drawing may take its time."""
         return self.canvas.shows and time.perf_counter() - self.moved_at >= SETTLED_S
 
 
@@ -130,7 +130,7 @@ class Stage:
     # ---- between redraws
 
     def tick(self) -> float | None:
-        """Carries work on; seconds until the next call, None when there is nothing left to do."""
+        """Continues the work. Returns the seconds until the next call, None when there is nothing left to do."""
         changed = self._take_answers()
         busy = self.clouds.step()
         regions = _regions()
@@ -205,7 +205,7 @@ def _shown(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def _share(context: bpy.types.Context) -> float:
-    """How opaque the viewport wants its objects: X-ray."""
+    """The opacity of the viewport's X-ray mode, 1 without it."""
     shading = context.space_data.shading
     return shading.xray_alpha if shading.type == "SOLID" and shading.show_xray else 1.0
 
