@@ -61,10 +61,10 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         path = Path(bpy.path.abspath(self.filepath))
         if self.format == "COLMAP" and path.suffix == ".json":
             path = path.with_suffix("")
-        found = camera_exchange.collect(context.scene, self._objects(context))
+        outgoing = camera_exchange.collect(context.scene, self._objects(context))
         if self.world:
-            found = camera_exchange.out_of_training_world(found, Path(bpy.path.abspath(self.world)))
-        wrote = camera_exchange.write(path, self.format, found)
+            outgoing = camera_exchange.out_of_training_world(outgoing, Path(bpy.path.abspath(self.world)))
+        wrote = camera_exchange.write(path, self.format, outgoing)
         return self.done(context, " ".join(wrote), "INFO" if len(wrote) == 1 else "WARNING")
 
     def _objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:

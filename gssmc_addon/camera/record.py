@@ -64,10 +64,10 @@ def read(data: bpy.types.Camera) -> SolvedCamera | None:
         return None
 
 
-def dumps(found: SolvedCamera) -> str:
-    path = {str(frame): _numbers(camera, found.camera) for frame, camera in found.path.items()}
-    said = {name: getattr(found, name) for name in NAMES}
-    return json.dumps({**camera_to_dict(found.camera), **said, "reasons": list(found.reasons), "path": path})
+def dumps(solution: SolvedCamera) -> str:
+    path = {str(frame): _numbers(camera, solution.camera) for frame, camera in solution.path.items()}
+    said = {name: getattr(solution, name) for name in NAMES}
+    return json.dumps({**camera_to_dict(solution.camera), **said, "reasons": list(solution.reasons), "path": path})
 
 
 def loads(text: str) -> SolvedCamera:

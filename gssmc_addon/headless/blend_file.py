@@ -101,5 +101,5 @@ def _keep_verdict(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -
     state = "SOLVED" if solved else obj.data.gssmc.lens_state
     depth = (said.get("quality") or {}).get("median_depth") or 0.0
     reasons = tuple(said["reasons"])
-    found = SolvedCamera(camera, said["verdict"], reasons, rounds, said["seconds"], state, depth)
-    camera_solution.keep(scene, obj, scene.gssmc.splat, found)
+    solution = SolvedCamera(camera, said["verdict"], reasons, rounds, said["seconds"], state, depth)
+    camera_solution.keep(scene, obj, scene.gssmc.splat, solution)
