@@ -16,16 +16,6 @@ from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.operator_parts import FromFile, PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 
-CAMERA_ITEMS = (
-    (
-        "AUTO",
-        "Automatic",
-        "The scene camera while it has no photo and you look through it, else a new camera at the current view",
-    ),
-    ("NEW", "New Camera", "A new camera at the current view"),
-    ("SCENE", "Scene Camera", "The scene camera, where it stands"),
-)
-
 
 class AddsPicture(PlainOperator, FromFile):
     """What Add Photo and Add Plate share: the options, and how a picture gets its camera."""
@@ -33,7 +23,12 @@ class AddsPicture(PlainOperator, FromFile):
     __annotations__ = {
         "filter_image": BoolProperty(default=True, options={"HIDDEN"}),
         "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
-        "camera": EnumProperty(name="Camera", items=CAMERA_ITEMS, default="AUTO", description="Which camera it is set behind"),
+        "camera": EnumProperty(
+            name="Camera",
+            items=photo_camera.CAMERA_ITEMS,
+            default="AUTO",
+            description="The camera that the picture is set behind",
+        ),
         "camera_file": StringProperty(
             name="Camera File",
             subtype="FILE_PATH",
@@ -73,10 +68,10 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
     }
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        context.view_layer.update()  # scripts place objects and expect that to count
+        context.view_layer.update()  # Scripts move objects and expect their new places to be used.
         photo = photo_image.read_any_photo(self.filepath)
         camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))
-        photo_list.ensure_entry(context.scene, camera, photo)
+        photo_list.add(context.scene, camera, photo)
         photo_list.pick(context.scene, camera)  # and look through it
         values = {"photo": image.name, "camera": camera.name, "x": photo.width, "y": photo.height}
         return self.done(context, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))

@@ -33,7 +33,7 @@ class GSSMC_OT_add_plate(Idle, AddsPicture, bpy.types.Operator):
     }
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        context.view_layer.update()  # scripts place objects and expect that to count
+        context.view_layer.update()  # Scripts move objects and expect their new places to be used.
         start = context.scene.frame_current
         plate, first, last = open_plate(Path(bpy.path.abspath(self.filepath)))
         photo = plate_source.frame_source(plate, first).read()

@@ -27,7 +27,7 @@ class GSSMC_OT_back_to_solution(Idle, PlainOperator, bpy.types.Operator):
         return super().poll(context)
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        context.view_layer.update()  # scripts set locations and expect them to count
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         camera = context.scene.camera
         keyed = camera_solution.put_back(context.scene, camera)
         photo_camera.stop_moving_with_view()

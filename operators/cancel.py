@@ -21,7 +21,7 @@ class GSSMC_OT_cancel(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         job = slot.active()
         if job is not None:
-            job.cancel()  # the modal operator notices at its next tick
+            job.cancel()  # The modal operator notices it at its next tick.
         return {"FINISHED"}
 
 

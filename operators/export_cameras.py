@@ -29,7 +29,9 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
     filename_ext = ".json"
     __annotations__ = {
         "filter_glob": StringProperty(default="*.json;*.txt", options={"HIDDEN"}),
-        "format": EnumProperty(name="Format", items=FORMATS, default="JSON", description="What other programs read"),
+        "format": EnumProperty(
+            name="Format", items=FORMATS, default="JSON", description="The format that the other program reads"
+        ),
         "selected": BoolProperty(
             name="Selected Only",
             default=False,
@@ -59,10 +61,10 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         path = Path(bpy.path.abspath(self.filepath))
         if self.format == "COLMAP" and path.suffix == ".json":
             path = path.with_suffix("")
-        found = camera_exchange.collect(context.scene, self._objects(context))
+        outgoing = camera_exchange.collect(context.scene, self._objects(context))
         if self.world:
-            found = camera_exchange.out_of_training_world(found, Path(bpy.path.abspath(self.world)))
-        wrote = camera_exchange.write(path, self.format, found)
+            outgoing = camera_exchange.out_of_training_world(outgoing, Path(bpy.path.abspath(self.world)))
+        wrote = camera_exchange.write(path, self.format, outgoing)
         return self.done(context, " ".join(wrote), "INFO" if len(wrote) == 1 else "WARNING")
 
     def _objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:

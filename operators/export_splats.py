@@ -10,6 +10,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..core.errors import SplatFormatError
 from ..gssmc_addon.splat import export as splat_export
+from ..gssmc_addon.splat.import_options import left_out
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import n_, rpt_
 
@@ -59,16 +60,13 @@ class GSSMC_OT_export_splats(PlainOperator, bpy.types.Operator, ExportHelper):
             raise SplatFormatError(rpt_(NO_SPLAT))
         written = splat_export.write(path, splat, self.coordinates)
         scene = written.scene
-        words = [
+        sentences = [
             rpt_("{count:,} Gaussians, SH degree {degree}: '{path}'.", count=len(scene), degree=scene.sh_degree, path=path)
         ]
-        if scene.dropped == 1:
-            words.append(rpt_("1 Gaussian with values that are not finite was left out."))
-        elif scene.dropped:
-            words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
+        sentences += left_out(scene)
         if written.sh_left_out:
-            words.append(rpt_("SH above degree 3 were left out, for the layout has no place for them."))
-        return self.done(context, " ".join(words), "WARNING" if scene.dropped or written.sh_left_out else "INFO")
+            sentences.append(rpt_("SH above degree 3 were left out, for the layout has no place for them."))
+        return self.done(context, " ".join(sentences), "WARNING" if scene.dropped or written.sh_left_out else "INFO")
 
 
 classes = (GSSMC_OT_export_splats,)

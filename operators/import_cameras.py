@@ -46,7 +46,7 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
             return False
         return super().poll(context)
 
-    def gather(self, context: bpy.types.Context) -> CameraImport:
+    def make_job(self, context: bpy.types.Context) -> CameraImport:
         context.view_layer.update()
         camera_bridge.splat_similarity(context.scene.gssmc.splat)
         path, photos, world = (Path(bpy.path.abspath(p)) if p else None for p in (self.filepath, self.photos, self.world))
@@ -55,15 +55,15 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
     def apply(self, context: bpy.types.Context, job: CameraImport, result: Any) -> set[str]:
         job.finish()
         values = {"count": job.made, "file": Path(self.filepath).name, "shown": job.shown}
-        words = [rpt_('{count} cameras from "{file}", {shown} of them with their photo.', **values)]
+        sentences = [rpt_('{count} cameras from "{file}", {shown} of them with their photo.', **values)]
         if job.made == 1:
             photo = rpt_('1 camera from "{file}", with its photo.', file=values["file"])
-            words = [photo if job.shown else rpt_('1 camera from "{file}", without its photo.', file=values["file"])]
+            sentences = [photo if job.shown else rpt_('1 camera from "{file}", without its photo.', file=values["file"])]
         if job.left_out == 1:
-            words.append(rpt_("1 without a lens was left out."))
+            sentences.append(rpt_("1 without a lens was left out."))
         elif job.left_out:
-            words.append(rpt_("{count} without a lens were left out.", count=job.left_out))
-        return self.done(context, " ".join(words))
+            sentences.append(rpt_("{count} without a lens were left out.", count=job.left_out))
+        return self.done(context, " ".join(sentences))
 
     def stopped(self, context: bpy.types.Context, job: CameraImport) -> set[str]:
         return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")

@@ -24,7 +24,7 @@ class GSSMC_OT_match_resolution(OfPhoto, bpy.types.Operator):
         size = photo_image.own_size(camera.data)
         if not all(size):
             raise PhotoError(rpt_("The photo's file cannot be read; add the photo again."))
-        camera_bridge.move_to_render(scene, camera.data, *size)  # a camera that was set by hand now has a frame, too
+        camera_bridge.move_to_render(scene, camera.data, *size)  # A camera that was set by hand gets a frame here, too.
         notes = photo_camera.frame(scene, size, allowed=True, pixel=camera.data.gssmc.photo_pixel)
         return self.done(context, " ".join(notes) or rpt_("The render has the photo's shape already."))
 

@@ -1,4 +1,4 @@
-"""Download Model: the licence first, then the file, checked."""
+"""Download Model: shows the licence, then downloads and checks the file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.registration import preferences
 from ..gssmc_addon.support.texts import iface_, rpt_
 
-WIDTH = 460  # of the dialog, in Blender's units; about 76 characters
+WIDTH = 460  # The width of the dialog in Blender's units, about 76 characters.
 ITEMS = tuple((model.name, model.title, f"{model.licence}, {model.bytes / 1e6:.1f} MB") for model in KNOWN)
 
 
@@ -55,7 +55,7 @@ class GSSMC_OT_download_model(AskingJobOperator, bpy.types.Operator):
             column.label(text=line, translate=False)
         column.prop(self, "accept_licence")
 
-    def gather(self, context: bpy.types.Context) -> DownloadJob:
+    def make_job(self, context: bpy.types.Context) -> DownloadJob:
         model = self._known()
         if not self.accept_licence:
             raise FeatureError(rpt_("{model} is not downloaded until its licence is accepted.", model=model.title))
@@ -63,7 +63,7 @@ class GSSMC_OT_download_model(AskingJobOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context, job: DownloadJob, result: Any) -> set[str]:
         title = self._known().title
-        return self.done(context, rpt_("{model} is there; choose ALIKED or Auto in the panel's settings.", model=title))
+        return self.done(context, rpt_("{model} was downloaded; choose ALIKED or Auto in the panel's settings.", model=title))
 
     def stopped(self, context: bpy.types.Context, job: DownloadJob) -> set[str]:
         return self.refuse(context, rpt_("The download was stopped; the next one goes on from there."), level="INFO")

@@ -15,12 +15,6 @@ from ..gssmc_addon.support import problem
 from ..gssmc_addon.support.operator_parts import NeedsPhoto
 from ..gssmc_addon.support.texts import rpt_, tip_
 
-WHICH = (
-    ("ALL", "All", "Every photo of the list"),
-    ("TICKED", "Ticked", "The photos that are ticked in the list"),
-    ("OPEN", "Not Trusted Yet", "The photos whose camera is not trusted yet"),
-)
-
 
 class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
     """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
@@ -30,7 +24,7 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     __annotations__ = {
-        "which": EnumProperty(name="Which", items=WHICH, default="ALL", description="Which photos are refined"),
+        "which": EnumProperty(name="Which", items=photo_queue.WHICH, default="ALL", description="Which photos are refined"),
         "again": BoolProperty(
             name="Try Again",
             default=True,
@@ -42,7 +36,7 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
-        which = next(item[2] for item in WHICH if item[0] == properties.which)
+        which = next(item[2] for item in photo_queue.WHICH if item[0] == properties.which)
         return f"{tip_(cls.__doc__ or '')}. {tip_(which)}"
 
     @classmethod
@@ -52,8 +46,8 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
             return False
         return super().poll(context)
 
-    def gather(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
-        context.view_layer.update()  # scripts set locations and expect them to count
+    def make_job(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         scene = context.scene
         job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)
         problem.begin(self.bl_label)
@@ -74,7 +68,7 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
         return {"FINISHED" if job.refined else "CANCELLED"}
 
     def broke_off(self, context: bpy.types.Context, job: photo_queue.RefineQueue, message: str) -> set[str]:
-        """As after a stop; without this, what was refined before would be in no undo step."""
+        """Keeps what was refined before; without this it would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 

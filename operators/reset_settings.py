@@ -1,4 +1,4 @@
-"""Reset Settings: the refinement's values as the engine has them."""
+"""Reset Settings: gives the refinement's values their defaults."""
 
 from __future__ import annotations
 

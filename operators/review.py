@@ -1,4 +1,4 @@
-"""Next and previous photo of the list."""
+"""Next Photo and Previous Photo: looks through the next camera of the list."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class GSSMC_OT_review(bpy.types.Operator):
         for k in range(abs(self.step) or 1, count + 1):
             index = (own.photo_index + way * k) % count
             if self._wanted(context.scene, own.photos[index]):
-                own.photo_index = index  # its update looks through the camera
+                own.photo_index = index  # The update function of the property looks through the camera.
                 return {"FINISHED"}
         self.report({"INFO"}, "All photos of the list are trusted.")
         return {"CANCELLED"}

@@ -31,7 +31,7 @@ class GSSMC_OT_up_axis(PlainOperator, bpy.types.Operator):
         return True
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        context.view_layer.update()  # scripts set locations and expect them to count
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         splat = context.scene.gssmc.splat
         count = upright.change(context.scene, splat, self.axis)
         values = {"axis": iface_(up_axis.AXIS_WORDS[self.axis]), "count": count}

@@ -12,7 +12,10 @@ from .machine import Job
 
 
 class DownloadJob(Job):
-    """Fetches `model` from `url` into `folder`. Its result is the file's path. What came before a stop is kept for the next."""
+    """Fetches `model` from `url` into `folder`. Its result is the file's path.
+
+    A download that was stopped is continued by the next one.
+    """
 
     at_mouse = True
 

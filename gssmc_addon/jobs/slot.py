@@ -67,7 +67,7 @@ def begin(context: bpy.types.Context, job: Job) -> None:
 
 
 def show(job: Job) -> None:
-    """Has the progress seen where the panel may be closed: at the mouse, and in the status bar, whose redraw takes longer."""
+    """Shows the progress also where the panel is closed: at the mouse, and in the status bar, which redraws slowly."""
     if job is not _holder.job:
         return
     if job.at_mouse:
@@ -78,10 +78,10 @@ def show(job: Job) -> None:
 
 
 def stop(job: Job) -> None:
-    """Cancels `job`, which takes back what it made and is not done with, and ends it."""
+    """Cancels `job`, which removes its unfinished results, and ends it."""
     try:
         job.cancel()
-    except Exception:  # it is at its end, and nothing may keep the slot
+    except Exception:  # Whatever goes wrong at the end of a job, the slot must become free.
         log.exception("The job could not take back what it made")
     end(job)
 
@@ -90,7 +90,7 @@ def end(job: Job) -> None:
     """Closes and forgets `job` and stops its timer; harmless when that was done already."""
     try:
         job.close()
-    except Exception:  # what it found is worth having all the same
+    except Exception:  # The result is valid all the same.
         log.exception("The job could not be closed")
     if _holder.job is job:
         _release(job)
@@ -108,7 +108,7 @@ def _release(job: Job) -> None:
 
 
 def _set_status(text: str | None) -> None:
-    """In every workspace: the user may change over to another one meanwhile."""
+    """Sets the text in every workspace, because the user may switch to another one."""
     _holder.status = text or ""
     for workspace in bpy.data.workspaces:
         workspace.status_text_set(text)

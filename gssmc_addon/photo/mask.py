@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...core.errors import PhotoError
+from ...core.errors import CameraError, PhotoError
 from ...core.photos.mask import WHITE, with_mask
 from ...core.photos.photo import Photo
 from ..support.texts import rpt_
 from . import image as photo_image
 from .source import PhotoSource
 
-SINGLE: tuple[str, ...] = ("FILE", "GENERATED")  # sources of an image that is one picture
+SINGLE: tuple[str, ...] = ("FILE", "GENERATED")  # The sources that stand for a single picture.
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,14 @@ def _painted(image: bpy.types.Image) -> Photo:
         raise PhotoError(rpt_('The mask "{name}" has no pixels that Blender can read; save it as PNG.', name=image.name))
     values = np.empty(channels * width * height, np.float32)
     image.pixels.foreach_get(values)
-    colours = values.reshape(height, width, channels)[::-1, :, : min(channels, 3)]  # Blender's first row is the bottom one
+    colours = values.reshape(height, width, channels)[::-1, :, : min(channels, 3)]  # Blender stores the bottom row first.
     white = (colours.max(axis=2) >= WHITE / 255).astype(np.uint8) * np.uint8(255)
     return Photo(np.repeat(white[..., None], 3, axis=2), image.name)
+
+
+def load(path: str) -> bpy.types.Image:
+    """The mask as a Blender image. Raises CameraError when there is no such file."""
+    try:
+        return bpy.data.images.load(bpy.path.abspath(path), check_existing=True)
+    except RuntimeError:
+        raise CameraError(rpt_("There is no mask at '{path}'; check the path.", path=path)) from None

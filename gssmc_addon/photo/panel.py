@@ -44,7 +44,7 @@ class GSSMC_UL_photos(bpy.types.UIList):
             row.prop(camera, "name", text="", emboss=False)
         else:
             row.label(text=photo_list.title(item) or iface_("Camera deleted"), translate=False)
-        if _error(context.scene, item):  # in full below the list, when the line is picked
+        if _error(context.scene, item):  # The full text shows below the list when the line is selected.
             row.label(text="", icon="ERROR")
         elif camera:
             if camera.data.gssmc.mask:

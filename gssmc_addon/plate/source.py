@@ -52,7 +52,7 @@ class MovingPhoto:
         """The frames of the scene that it covers."""
         return self.first - self.offset, self.last - self.offset
 
-    def at(self, frame: int) -> FrameSource:
+    def frame_at(self, frame: int) -> FrameSource:
         """The frame of the scene's `frame`. Main thread only. Raises PhotoError when Blender has to decode it and can't."""
         return frame_source(self.plate, frame + self.offset)
 
@@ -114,7 +114,7 @@ def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types
         raise PhotoError(
             rpt_('The image "{name}" is not shown behind its camera; pick it as the photo again.', name=photo.name)
         )
-    return plate.at(scene.frame_current)
+    return plate.frame_at(scene.frame_current)
 
 
 def load(path: Path, is_movie: bool) -> bpy.types.Image:

@@ -137,7 +137,7 @@ def compose(options: PreviewOptions, pair: Comparison, matches: DrawnMatches | N
     return pair.render
 
 
-def gather(
+def prepare(
     context: bpy.types.Context, camera: bpy.types.Object | None, options: PreviewOptions, settings: RefineSettings
 ) -> PreviewJob:
     """Copies the inputs. Raises GssmcError, with what to do, when something is missing or unfit."""
@@ -152,7 +152,7 @@ def gather(
     needed = kept is None or options.style == "MATCHES"
     copying = SplatCopying(splat) if needed else None
     renderer = SplatRenderer(copying, single=True) if copying else None
-    if options.style == "MATCHES":  # the mask is nothing to see in the others
+    if options.style == "MATCHES":  # The other styles do not show the mask.
         source = mask_source.masked(source, mask_source.of(camera))
     return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key), copying)
 

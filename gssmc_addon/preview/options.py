@@ -22,7 +22,8 @@ STYLES = (
     ("FLICKER", "Flicker", "Photo and render in turn, twice a second"),
     ("MATCHES", "Matches", "The features by which both are recognised in each other: green where they sit at the same place"),
 )
-IN_VIEWPORT = ("DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER", "FLICKER")  # those of the photo's own shape
+# The styles whose picture has the photo's own shape.
+IN_VIEWPORT = ("DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER", "FLICKER")
 
 
 Update = Callable[[Any, bpy.types.Context], None]

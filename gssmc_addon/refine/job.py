@@ -1,14 +1,12 @@
-"""A refinement of one camera, from Blender's data and back: gather, watch, apply.
+"""A refinement of one camera, from Blender's data and back: prepared, watched, applied.
 
 Blender's data may change under a running job (undo, deletion, another file), so a job keeps session ids, never references.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import bpy
 
@@ -31,6 +29,7 @@ from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support import problem
+from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 
 REMOVED = {
@@ -68,10 +67,6 @@ class Targets:
         return scene, splat, camera
 
 
-def by_uid(blocks: Iterable[Any], uid: int) -> Any:
-    return next((block for block in blocks if block.session_uid == uid), None)
-
-
 class RefineJob(Job):
     """One refinement of one camera; its result is the RefineReport."""
 
@@ -93,7 +88,7 @@ class RefineJob(Job):
         self.detail = iface_("Iteration {number} of {count}", number=max(news.iteration, 1), count=news.iterations)
 
 
-def gather(
+def prepare(
     scene: bpy.types.Scene,
     splat: bpy.types.Object | None,
     camera: bpy.types.Object | None,
@@ -171,7 +166,7 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
         if camera == scene.camera:
             photo_camera.stop_moving_with_view()
     else:
-        camera_props.write_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
+        camera_props.keep_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     values: dict[str, object] = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)

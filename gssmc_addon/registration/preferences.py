@@ -13,7 +13,7 @@ from ...core.render.memory import machine_bytes
 from ..support import log_file
 from ..support.texts import iface_, n_
 
-PACKAGE = __package__.rsplit(".", 2)[0]  # the extension's own, by which Blender keeps its preferences
+PACKAGE = __package__.rsplit(".", 2)[0]  # The package name under which Blender stores the extension's preferences.
 _KINDS: dict[str, ExtractorKind | MatcherKind] = {**EXTRACTORS, **MATCHERS}
 LEARNED = {name: kind for name, kind in _KINDS.items() if kind.needs_model}
 ONLINE_HINT = n_("Downloads need Allow Online Access in Preferences > System")
@@ -24,7 +24,7 @@ PRESET_ITEMS = (
     ("7scenes", "7-Scenes", "The paper's settings for rooms; the scan's unit must be the metre"),
     ("cambridge", "Cambridge", "The paper's settings for outdoors; the scan's unit must be the metre"),
 )
-_log_trouble = [""]  # what is wrong with the log file
+_log_trouble = [""]  # Says what is wrong with the log file; empty when nothing is.
 
 
 def of(context: bpy.types.Context) -> bpy.types.AddonPreferences | None:
@@ -89,7 +89,10 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
 
     __annotations__ = {
         "threads": IntProperty(
-            name="Threads", min=0, max=256, description="Views drawn side by side where a scene says 0; 0: one per core"
+            name="Threads",
+            min=0,
+            max=256,
+            description="Views rendered at the same time where a scene's own value is 0; 0: one per processor core",
         ),
         "memory_limit_gb": FloatProperty(
             name="Memory Limit (GB)",
@@ -101,7 +104,10 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
             name="Default Preset", items=PRESET_ITEMS, description="Settings of a scene when it gets its first splat"
         ),
         "log_file": StringProperty(
-            name="Log File", subtype="FILE_PATH", update=_log_changed, description="Where the engine's log goes; empty: nowhere"
+            name="Log File",
+            subtype="FILE_PATH",
+            update=_log_changed,
+            description="The file that the engine's log is written to; empty: none",
         ),
         **{
             f"model_{name}": StringProperty(

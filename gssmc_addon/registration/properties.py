@@ -23,7 +23,7 @@ from .settings import MODEL_OF, quality_annotation, settings_annotations
 
 
 def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
-    """A line of the list was clicked: its camera becomes the one that is looked through, and its verdict what is told."""
+    """A line of the list was clicked: the viewport looks through its camera, and the panel shows its verdict."""
     context.window_manager.gssmc.tell("")
     photo_list.show(context, self.id_data)
 
@@ -31,7 +31,7 @@ def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
 def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
     """A scene's first splat brings the preferences' preset, for settings that nobody has touched."""
     if self.splat:
-        context.window_manager.gssmc.tell("")  # that there was none, or one no longer in the scene
+        context.window_manager.gssmc.tell("")  # The message may have been that there was no splat.
     preset = PRESETS.get(preferences.preset(context))
     names = [option.name for option in fields(RefineSettings) if option.name not in MODEL_OF]
     if self.splat and preset and not any(self.is_property_set(name) for name in names):
@@ -52,7 +52,7 @@ class GssmcScene(bpy.types.PropertyGroup):
             update=_splat_picked,
         ),
         "photos": CollectionProperty(type=GssmcPhoto),
-        "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=_photo_clicked),
+        "photo_index": IntProperty(name="Photo", description="The selected photo of the list", min=0, update=_photo_clicked),
         "quality": quality_annotation(),
         **settings_annotations(),
     }
@@ -61,21 +61,19 @@ class GssmcScene(bpy.types.PropertyGroup):
 class GssmcWindow(bpy.types.PropertyGroup):
     """On the window manager, hence never saved: the last message of an operator, and panel state."""
 
-    if TYPE_CHECKING:  # what `tell` sets, and mypy would otherwise look for in here
+    if TYPE_CHECKING:  # Declared for mypy, because `tell` assigns them.
         message: str
         message_icon: str
 
     __annotations__ = {
-        "message": StringProperty(name="Message", description="What the last operation said"),
+        "message": StringProperty(name="Message", description="The message of the last operation"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
-        "details": BoolProperty(
-            name="Details", description="Show all that is to be said of the camera, and not only the beginning"
-        ),
+        "details": BoolProperty(name="Details", description="Show the whole text on the camera, and not only its beginning"),
         "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
 
     def tell(self, message: str, icon: str = "INFO") -> None:
-        """Sets the message. The same again is not written, for Blender draws the whole window anew then."""
+        """Sets the message, but not to the same value, which would make Blender redraw the whole window."""
         if self.message != message or self.message_icon != icon:
             self.message = message
             self.message_icon = icon
@@ -86,7 +84,7 @@ classes = (GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, Gssm
 
 @bpy.app.handlers.persistent
 def _after_undo(*_: object) -> None:
-    """What the last operation said is no longer so: undo takes back its result, and knows nothing of the message."""
+    """Clears the message: undo takes back the operation that it was about, but not the message."""
     for manager in bpy.data.window_managers:
         manager.gssmc.tell("")
 

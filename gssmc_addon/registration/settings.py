@@ -20,14 +20,14 @@ def _sentence(text: str) -> str:
 
 
 OPTIONS = options_of(RefineSettings)
-TITLES = {  # where the field's own name does not fit into the sidebar
+TITLES = {  # Short titles for fields whose own name does not fit into the sidebar.
     "final_long_side_px": "Final Side (px)",
     "perturb_translation_ratio": "Shift (ratio)",
     "perturb_translation_units": "Shift (units)",
     "perturb_rotation_deg": "Turn (deg)",
 }
-LENS = "lens"  # stands in the Lens panel, and belongs to no quality
-MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
+LENS = "lens"  # It is shown in the Lens panel and is not part of a quality.
+MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # Maps a model file's field to the choice that it belongs to.
 QUALITY_ITEMS = (
     ("DRAFT", "Draft", "Fewer views of smaller pictures: for a first look, and for going through many photos quickly", 0),
     ("NORMAL", "Normal", "GS-SMC's own settings", 1),
@@ -51,7 +51,7 @@ def _title(name: str) -> str:
 
 
 def _limits(option: Option) -> dict[str, Any]:
-    """What may be typed, which is just what the engine accepts, and what a slider offers."""
+    """The limits for typing, which are those of the engine, and those of the slider."""
     if option.low is None or option.high is None:
         return {}
     soft_low = option.low if option.soft_low is None else option.soft_low
@@ -60,7 +60,7 @@ def _limits(option: Option) -> dict[str, Any]:
 
 
 def quality_annotation() -> Any:
-    """What is chosen instead of single settings. It keeps nothing of its own: it is read from the settings, and sets them."""
+    """The choice of a quality. It stores no value: it is read from the settings and sets them."""
     return EnumProperty(
         name="Quality",
         items=QUALITY_ITEMS,

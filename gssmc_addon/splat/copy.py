@@ -71,7 +71,7 @@ class SplatCopying:
         for name, components in self._wanted:
             check_attribute(obj.data, name, components)
         self._name, self._uids = obj.name, (obj.session_uid, obj.data.session_uid)
-        self._room: list[np.ndarray] = []  # one array per attribute, and one to compare with; grown by the thread
+        self._room: list[np.ndarray] = []  # One array per attribute and one to compare with; the thread adds them.
         self._copied = self._compared = 0
         self._stopped, self._no_room = threading.Event(), threading.Event()
 
@@ -131,7 +131,7 @@ class SplatCopying:
                 if self._stopped.is_set():
                     return
                 array = np.empty(self._count * components, np.float32)
-                array.fill(0.0)  # only now is the memory really there
+                array.fill(0.0)  # Writing makes the system really provide the memory.
                 self._room.append(array)
         except MemoryError:
             self._no_room.set()

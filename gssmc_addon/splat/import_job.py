@@ -15,7 +15,7 @@ from ..jobs.machine import Job
 from ..support.texts import iface_, n_
 from .importer import Building, Placement, ReadSplat, SplatDisplay
 
-STEP_S = 0.05  # of each tick, for writing into Blender's memory, which may take one attribute longer
+STEP_S = 0.05  # Seconds of each tick for writing into Blender's memory; a single attribute may take longer.
 READING = 0.8  # share of the progress shown
 
 
@@ -55,7 +55,7 @@ class SplatImport(Job):
         begun = self._building is not None
         self._look = super().advance() or self._look
         self.show()
-        if not begun or self._building is None:  # Blender draws anew before the first step
+        if not begun or self._building is None:  # Blender redraws once before the first step.
             self.fraction = READING * self._read_share
             return None
         until = time.perf_counter() + STEP_S

@@ -48,7 +48,7 @@ def describe(path: str) -> list[str]:
 
 
 def _axes_told(info: SplatInfo) -> str:
-    """Few files say which way is up; of the others it is a guess, and told as one."""
+    """The up axis as a sentence, which says whether the file declares it or it is a guess."""
     axes = iface_(AXIS_WORDS[info.orientation])
     if info.declared:
         return iface_("Up axis: {axes}, as the file says", axes=axes)
@@ -112,7 +112,7 @@ class Building:
         cloud = cloud_size.new_cloud(name, len(read.scene))
         self._uid = cloud.session_uid
         self._attributes = splat_object.splat_attributes(read.scene, read.base)
-        self._made = self._done = 0  # attributes: there with any values, and written
+        self._made = self._done = 0  # How many attributes exist, and how many of them are filled.
 
     @property
     def fraction(self) -> float:

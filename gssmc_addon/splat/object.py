@@ -102,7 +102,8 @@ def _value_name(attribute: bpy.types.Attribute) -> str:
     if attribute.data_type in kinds:
         return kinds[attribute.data_type]
     names = attribute.data[0].bl_rna.properties
-    return next(name for name in ("vector", "value", "color") if name in names)  # FLOAT4: young, hence looked up
+    # Older versions have no FLOAT4, hence the lookup.
+    return next(name for name in ("vector", "value", "color") if name in names)
 
 
 def _base_type() -> str:

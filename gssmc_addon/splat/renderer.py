@@ -17,9 +17,10 @@ class SplatRenderer:
     """
 
     def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False) -> None:
-        self._copying = copying  # holds nothing any more once the renderer is made
+        self._copying = copying  # It is empty once the renderer is made.
         self._threads, self._single = threads, single
         self._renderer: Renderer | ProcessRenderer | None = None
+        self._processes: ProcessRenderer | None = None  # The renderer, if it is one that draws in processes.
         self._closed = False
         self._lock = threading.Lock()
 
@@ -28,9 +29,9 @@ class SplatRenderer:
         if self._renderer is None:
             scene = self._copying.copy().assemble()
             settings = RenderSettings.for_scene(scene, threads=self._threads)
-            renderer = Renderer(scene, settings) if self._single else ProcessRenderer(scene, settings, interactive=True)
+            processes = None if self._single else ProcessRenderer(scene, settings, interactive=True)
             with self._lock:
-                self._renderer = renderer
+                self._renderer, self._processes = processes or Renderer(scene, settings), processes
             if self._closed:
                 self.close()
         return self._renderer
@@ -38,6 +39,6 @@ class SplatRenderer:
     def close(self) -> None:
         """Ends the processes; a refinement that still draws ends with Cancelled. Any thread, also before `get`."""
         with self._lock:
-            self._closed, renderer = True, self._renderer
-        if isinstance(renderer, ProcessRenderer):
-            renderer.close()
+            self._closed, processes = True, self._processes
+        if processes:
+            processes.close()

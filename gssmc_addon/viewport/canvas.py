@@ -96,7 +96,7 @@ class Canvas:
         elif self._work is None or self._work.key != key:
             self._work = _Work(key, draw, depth.ground(shrink), moving)
             budget.begin()
-            if draw.count <= budget.slice:  # no need to wait for another redraw
+            if draw.count <= budget.slice:  # The picture is small enough to be drawn in this redraw.
                 self.advance(painter, budget)
 
     def lay_over(self, painter: Painter, opacity: float, before: Sequence[Before] = ()) -> None:
@@ -154,7 +154,7 @@ def _sized(buffer: gpu.types.GPUOffScreen | None, size: Size) -> gpu.types.GPUOf
         if buffer:
             buffer.free()
         buffer = gpu.types.GPUOffScreen(*size, format="RGBA16F")
-        buffer.texture_color.filter_mode(True)  # a shrunken picture is stretched
+        buffer.texture_color.filter_mode(True)  # A picture of reduced size is enlarged when it is shown.
     return buffer
 
 

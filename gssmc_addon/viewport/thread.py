@@ -74,6 +74,6 @@ class BackThread:
 def _result(work: Callable[[], Any]) -> Any:
     try:
         return work()
-    except Exception:  # the thread must outlive one splat that is too large or broken
+    except Exception:  # One broken or too large splat must not end the thread.
         log.exception("Work for the viewport broke off")
         return None

@@ -30,7 +30,7 @@ def read_for_refine(extension, scene, camera):
     """The photo as Refine would take it."""
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
     jobs = extension("gssmc_addon.refine.job")
-    return jobs.gather(scene, scene.gssmc.splat, camera, settings).inputs.photo.read()
+    return jobs.prepare(scene, scene.gssmc.splat, camera, settings).inputs.photo.read()
 
 
 def test_a_file_becomes_the_mask_and_stays_in_the_blend(bpy, listed, extension, tmp_path):

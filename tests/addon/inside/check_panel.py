@@ -90,7 +90,7 @@ def height(bpy, extension, width):
 
 
 def note(extension, scene, *reasons):
-    extension("gssmc_addon.registration.camera_props").write_verdict(scene.camera.data, "check", reasons, 3, 12.5)
+    extension("gssmc_addon.registration.camera_props").keep_verdict(scene.camera.data, "check", reasons, 3, 12.5)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -98,7 +98,7 @@ def test_the_panel_is_as_high_before_a_refinement_as_while_it_runs_and_after(bpy
     jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     own = bpy.context.window_manager.gssmc
     before = height(bpy, extension, width)
-    job = jobs.gather(scene, scene.gssmc.splat, scene.camera, extension("core.pose.settings").RefineSettings())
+    job = jobs.prepare(scene, scene.gssmc.splat, scene.camera, extension("core.pose.settings").RefineSettings())
     slot.begin(bpy.context, job)
     try:
         heights = [height(bpy, extension, width)]
@@ -161,7 +161,7 @@ def test_a_number_of_the_splat_has_a_line_of_its_own(bpy, scene, extension, monk
     """A million is cut to a thousand where it shares a narrow sidebar with another field."""
     module = extension("gssmc_addon.viewport.props")
     monkeypatch.setattr(module, "is_drawable", lambda: True)
-    monkeypatch.setattr(extension("gssmc_addon.splat.object"), "has_native_type", lambda data: False)
+    monkeypatch.setattr(extension("gssmc_addon.splat.object"), "is_native", lambda cloud: False)
     shown = [line for line in lines(bpy, extension, 220) if any(part[1] == "max_shown" for part in line[1:])]
     assert [len(line) - 1 for line in shown] == [1]
 

@@ -177,15 +177,15 @@ def test_what_is_wrong_stands_below_the_list_in_full(bpy, listed, extension):
 
 def test_progress_names_the_photo_as_it_is(bpy, listed, extension):
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
-    job, jobs = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings), extension("gssmc_addon.jobs.slot")
+    job, slot = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings), extension("gssmc_addon.jobs.slot")
     job.index = 1
     job.begin_item(1)
-    jobs.begin(bpy.context, job)
+    slot.begin(bpy.context, job)
     try:
         said = drawn(bpy, extension)
     finally:
         job.cancel()
-        jobs.end(job)
+        slot.end(job)
     assert [text for text in said if text in ("p1", "Photo 2 of 3", "gssmc.cancel")] == ["p1", "gssmc.cancel", "Photo 2 of 3"]
 
 

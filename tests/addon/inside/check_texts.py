@@ -52,7 +52,7 @@ def test_a_report_and_the_panels_line_are_translated(bpy, extension, scene, germ
 def test_values_stand_where_the_language_wants_them(bpy, extension, scene, german, tmp_path, capfd):
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "b.png")), camera="NEW")
     assert 'Hinter "b" steht "b.png", 60 mal 90.' in capfd.readouterr().out
-    extension("gssmc_addon.registration.camera_props").write_verdict(scene.camera.data, "check", ("Look.",), 2, 3.0)
+    extension("gssmc_addon.registration.camera_props").keep_verdict(scene.camera.data, "check", ("Look.",), 2, 3.0)
     assert "3 s, 2 Runden: Prüfen" in drawn(bpy, extension)
 
 
