@@ -18,19 +18,18 @@ WHICH = (
 )
 
 
-class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
-    """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
+class OfList(NeedsPhoto, JobOperator):
+    """What Refine All and Find All share."""
 
-    bl_idname = "gssmc.refine_all"
-    bl_label = "Refine All"
-    bl_options = {"UNDO"}
+    find = False
 
     __annotations__ = {
         "which": EnumProperty(name="Which", items=WHICH, default="ALL", description="Which photos are refined"),
         "again": BoolProperty(
             name="Try Again",
             default=True,
-            description="Photos of which no camera was found are tried again from those of solved photos, up to four",
+            description="Photos of which no camera was found are tried again: from the cameras of solved photos, up to four, "
+            "and in the whole scan",
         ),
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
@@ -51,7 +50,8 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
     def gather(self, context):
         context.view_layer.update()  # scripts set locations and expect them to count
         scene = context.scene
-        job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)
+        settings = settings_props.settings_from(scene.gssmc, self.properties)
+        job = photo_queue.queue(scene, self.which, settings, photo_queue.QueueOptions(self.find, self.again))
         problem.begin(self.bl_label)
         return job
 
@@ -75,4 +75,26 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
         return {"FINISHED" if job.refined else "CANCELLED"}
 
 
-classes = (GSSMC_OT_refine_all,)
+class GSSMC_OT_refine_all(OfList, bpy.types.Operator):
+    """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
+
+    bl_idname = "gssmc.refine_all"
+    bl_label = "Refine All"
+    bl_options = {"UNDO"}
+
+    __annotations__ = OfList.__annotations__
+
+
+class GSSMC_OT_find_all(OfList, bpy.types.Operator):
+    """Find the exact cameras of the list's photos, one after the other, wherever the cameras stand now. Solved photos help to
+    find the others"""
+
+    bl_idname = "gssmc.find_all"
+    bl_label = "Find All"
+    bl_options = {"UNDO"}
+
+    __annotations__ = OfList.__annotations__
+    find = True
+
+
+classes = (GSSMC_OT_refine_all, GSSMC_OT_find_all)

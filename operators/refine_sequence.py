@@ -40,6 +40,12 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
             description="Key the frames between too, on a smooth path; else Blender's curves do, which ease in and out",
             default=True,
         ),
+        "find_start": BoolProperty(
+            name="Find the First Frame",
+            description="Where no camera is found at the current frame from where the camera stands, look for it in the whole "
+            "scan, as Find Camera does",
+            default=True,
+        ),
         "key_lens": BoolProperty(
             name="Key the Lens",
             description="Also key focal length and shift, for a zoom; else the lens stays as it is",
@@ -74,7 +80,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         for name in ("start", "end", "step"):
             column.prop(self, name)
         column = self.layout.column()
-        for name in ("smooth_frames", "every_frame", "key_lens"):
+        for name in ("smooth_frames", "every_frame", "find_start", "key_lens"):
             column.prop(self, name)
 
     def gather(self, context):
@@ -87,7 +93,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
             for name, default in (("start", low), ("end", high))
         )
         camera_channels.check_writable(scene.camera)
-        options = SequenceOptions(start, end, self.step, self.smooth_frames, self.every_frame, self.key_lens)
+        options = SequenceOptions(start, end, self.step, self.smooth_frames, self.every_frame, self.key_lens, self.find_start)
         settings = settings_props.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
         job = SequenceJob(scene, scene.camera, options, settings)
         problem.begin(self.bl_label, job.reports)

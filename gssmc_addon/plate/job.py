@@ -17,6 +17,7 @@ from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.sequence import FramePose
 from ...core.pose.settings import RefineSettings
 from ..camera import bridge as camera_bridge
+from ..find import job as find_job
 from ..jobs.retries import RetryQueue
 from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import mask as mask_source
@@ -33,7 +34,9 @@ FIGURES = re.compile(r"\d+(\.\d+)?")
 
 @dataclass(frozen=True)
 class SequenceOptions:
-    """Frames of the scene from `start` to `end` by `step`; `smooth_frames`: shorter wiggles are taken out."""
+    """Frames of the scene from `start` to `end` by `step`; `smooth_frames`: shorter wiggles are taken out; `find_start`: where
+    the first frame fails from where the camera stands, it is found in the whole scan.
+    """
 
     start: int
     end: int
@@ -41,6 +44,7 @@ class SequenceOptions:
     smooth_frames: float
     every_frame: bool
     key_lens: bool
+    find_start: bool = True
 
 
 class SequenceJob(RetryQueue):
@@ -66,10 +70,12 @@ class SequenceJob(RetryQueue):
         self.reports: dict[int, RefineReport] = {}
         self.bad: dict[int, str] = {}
         self._started: dict[int, int | None] = {}  # the frame whose camera a frame's first try started from
+        self._sought = False  # in the whole scan
         self._uids = scene.session_uid, splat.session_uid, camera.session_uid
         self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
-        self._renderer = SplatRenderer(copying, settings.threads)
+        self._renderer = SplatRenderer(copying, settings.threads, keeps=options.find_start)
+        self._finder = find_job.finder_of(scene, splat, self._renderer)
 
     def find(self) -> tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Object]:
         """The live scene, splat and camera. Raises RefineError when something is gone."""
@@ -96,7 +102,11 @@ class SequenceJob(RetryQueue):
         self._started.setdefault(frame, near)
         camera = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
         source = mask_source.masked(self._plate.at(frame), self._mask)
-        return partial(refinement, RefineInputs(self._renderer, source, camera, self.settings))
+        inputs = RefineInputs(self._renderer, source, camera, self.settings)
+        if near is None and self.options.find_start and not self._sought:
+            self._sought = True  # it takes long, and where one frame cannot be found, no other of the shot can
+            return partial(self._finder.found_if_failed, inputs)
+        return partial(refinement, inputs)
 
     def note(self, news: RefineProgress) -> None:
         self.fraction = self.progress(news.fraction)

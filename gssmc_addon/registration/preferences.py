@@ -23,6 +23,10 @@ PRESET_ITEMS = (
     ("7scenes", "7-Scenes", "The paper's settings for rooms; the scan's unit must be the metre"),
     ("cambridge", "Cambridge", "The paper's settings for outdoors; the scan's unit must be the metre"),
 )
+MAP_PLACES = (
+    ("FOLDER", "The Extension's Folder", "In the user's own folder of this extension"),
+    ("SCAN", "Beside the Scan", "In the folder of the scan's file, where other machines find them too"),
+)
 _log_trouble = [""]  # what is wrong with the log file
 
 
@@ -48,6 +52,12 @@ def preset(context: bpy.types.Context) -> str:
     """The preset that new scenes begin with; "NONE" for the standard settings."""
     own = of(context)
     return own.default_preset if own else "NONE"
+
+
+def maps_beside_scans(context: bpy.types.Context) -> bool:
+    """Whether maps of scans are to lie beside them."""
+    own = of(context)
+    return own is not None and own.map_place == "SCAN"
 
 
 def model_folder(create: bool = False) -> Path:
@@ -99,6 +109,11 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
         "default_preset": EnumProperty(
             name="Default Preset", items=PRESET_ITEMS, description="Settings of a scene when it gets its first splat"
         ),
+        "map_place": EnumProperty(
+            name="Maps",
+            items=MAP_PLACES,
+            description="Where Find Camera keeps the maps of scans, so that only the first photo of a scan waits for one",
+        ),
         "log_file": StringProperty(
             name="Log File", subtype="FILE_PATH", update=_log_changed, description="Where the engine's log goes; empty: nowhere"
         ),
@@ -123,6 +138,9 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
             column.prop(self, name)
         if _log_trouble[0] and self.log_file:
             column.label(text=_log_trouble[0], icon="ERROR")
+        row = column.row(align=True)
+        row.prop(self, "map_place")
+        row.operator("gssmc.clear_maps", text="Clear", icon="TRASH")
         column.operator("gssmc.report_problem", icon="COPYDOWN")
         layout.label(text="SIFT, AKAZE and ORB need nothing. Learned features need a model file each:")
         for name in LEARNED:

@@ -16,7 +16,7 @@ from ..photo import list as photo_list
 from ..photo.entry import GssmcPhoto
 from ..preview import state as preview_state
 from ..splat import object as splat_object
-from . import preferences
+from . import preferences, settings
 from .camera_props import GssmcCamera
 from .settings import MODEL_OF, quality_annotation, settings_annotations
 
@@ -53,6 +53,7 @@ class GssmcScene(bpy.types.PropertyGroup):
         "photos": CollectionProperty(type=GssmcPhoto),
         "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=_photo_clicked),
         "quality": quality_annotation(),
+        "map_views": settings.map_views_annotation(),
         **settings_annotations(),
     }
 

@@ -69,6 +69,7 @@ class SplatImport(Job):
         """The splat object, in the scene. Raises SplatFormatError when its data is gone."""
         obj = self._building.finish(context, self._look)
         self._building = None
+        obj.gssmc.file = str(self._path)
         return obj
 
     def cancel(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 from ...core.render import ProcessRenderer, Renderer, RenderSettings
+from ...core.splats.scene import GaussianScene
 from .copy import SplatCopying
 
 
@@ -14,11 +15,13 @@ class SplatRenderer:
 
     `threads`, 0 = one per core: of a refinement, which draws its views side by side in processes of their own (and leaves
     Blender its interpreter), or of a `single` view at a time, whose rendering can be stopped.
+    `keeps`: the Gaussians stay in `scene`.
     """
 
-    def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False) -> None:
+    def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False, keeps: bool = False) -> None:
         self._copying: SplatCopying | None = copying
-        self._threads, self._single = threads, single
+        self._threads, self._single, self._keeps = threads, single, keeps
+        self.scene: GaussianScene | None = None  # once the renderer is made
         self._renderer: Renderer | ProcessRenderer | None = None
         self._closed = False
         self._lock = threading.Lock()
@@ -29,7 +32,7 @@ class SplatRenderer:
             scene = self._copying.copy().assemble()
             settings = RenderSettings.for_scene(scene, threads=self._threads)
             renderer = Renderer(scene, settings) if self._single else ProcessRenderer(scene, settings, spare=True)
-            self._copying = None
+            self._copying, self.scene = None, scene if self._keeps else None
             with self._lock:
                 self._renderer = renderer
             if self._closed:

@@ -1,0 +1,138 @@
+"""Find Camera, from Blender's data and back: gather, watch, apply."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+
+import bpy
+
+from ...core.geometry.camera import Camera
+from ...core.locate import FindProgress, FindReport, MapSettings
+from ...core.pose.settings import RefineSettings
+from ..camera import record as camera_record
+from ..camera import solution as camera_solution
+from ..jobs.machine import Job
+from ..jobs.worker import RefineInputs
+from ..photo import image as photo_image
+from ..refine import job as refine_job
+from ..registration import camera_props, preferences
+from ..splat import object as splat_object
+from ..splat.copy import SplatCopying
+from ..splat.renderer import SplatRenderer
+from ..support.texts import iface_, n_, rpt_
+from .finder import BEFORE_MAP, Finder, MapWanted, Where, as_refined, known_of
+from .place import place_of
+
+REFINING = 0.5  # share of the progress after which a candidate is refined
+
+
+class FindJob(Job):
+    """The search for one camera; its result is the FindReport."""
+
+    status = n_("Finding the camera    Esc: cancel")
+
+    def __init__(self, targets: refine_job.Targets, inputs: RefineInputs, finder: Finder, copying: SplatCopying) -> None:
+        super().__init__(partial(finder.finding, inputs, targets.camera), copying)
+        self.targets, self.inputs, self.finder = targets, inputs, finder
+        self._told = Told(finder)
+
+    def check(self) -> None:
+        self.targets.find()
+
+    def close(self) -> None:
+        self.inputs.splat.close()
+
+    def note(self, news: FindProgress) -> None:
+        self.fraction, self.step, self.detail = self._told(news)
+
+
+class Told:
+    """A search's progress in words: called with each step, it gives fraction, step and detail."""
+
+    def __init__(self, finder: Finder) -> None:
+        self._finder = finder
+        self._began: tuple[float, float] | None = None  # when the map was first seen growing, and how far it was then
+        self._views = 0
+
+    def __call__(self, news: FindProgress) -> tuple[float, str, str]:
+        step = iface_(news.step)
+        step = step[:1].upper() + step[1:]
+        if news.refining is not None:
+            now = news.refining
+            said = iface_("Iteration {number} of {count}", number=max(now.iteration, 1), count=now.iterations)
+            return news.fraction, step, said
+        if news.step in BEFORE_MAP:
+            return 0.0, step, ""
+        return REFINING * news.fraction, step, self._map_detail(news)
+
+    def _map_detail(self, news: FindProgress) -> str:
+        """Views of the map so far, and how long all of them would take: a photo that is found needs no more."""
+        now = time.perf_counter()
+        if self._began is None or news.fraction < self._began[1]:
+            self._began = now, news.fraction
+        done, left = news.fraction - self._began[1], 1 - news.fraction
+        values = {"views": news.views, "count": max(news.views, self._finder.wanted_views)}
+        if news.views == 0 or done <= 0:
+            return iface_("Map of the scan: view {views} of {count}", **values)
+        seconds = left * (now - self._began[0]) / done
+        return iface_("Map of the scan: view {views} of {count}, at most {seconds:.0f} s to go", seconds=seconds, **values)
+
+
+def gather(
+    scene: bpy.types.Scene,
+    splat: bpy.types.Object | None,
+    camera: bpy.types.Object | None,
+    settings: RefineSettings,
+) -> FindJob:
+    """Copies all inputs out of Blender, but for the splat, which the job does first.
+
+    Raises GssmcError, with what to do, when something is missing or unfit.
+    """
+    photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
+    splat_object.check_picked(scene, splat)
+    copying = SplatCopying(splat)
+    renderer = SplatRenderer(copying, settings.threads, keeps=True)
+    job = refine_job.gather(scene, splat, camera, photo, settings, renderer)
+    return FindJob(job.targets, job.inputs, finder_of(scene, splat, renderer), copying)
+
+
+def finder_of(scene: bpy.types.Scene, splat: bpy.types.Object, renderer: SplatRenderer) -> Finder:
+    """What finds photos in the splat of `renderer`, which has to keep its scene; the scene's solved cameras are known to it."""
+    settings = MapSettings(views=scene.gssmc.map_views, threads=preferences.threads(bpy.context, scene.gssmc.threads))
+    return known_of(solved_cameras(scene), Finder(renderer, MapWanted(settings, place_of(splat))))
+
+
+def solved_cameras(scene: bpy.types.Scene) -> list[tuple[int, Camera]]:
+    """Session id and solution of every camera of the scene that is trusted and still as it was solved."""
+    trusted = [o for o in scene.objects if o.type == "CAMERA" and camera_solution.verdict(scene, o) == "TRUSTED"]
+    found = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
+    return [(uid, record.at(scene.frame_current) or record.camera) for uid, record in found if record]
+
+
+def apply_report(targets: refine_job.Targets, report: FindReport) -> str:
+    """Writes the result, and moves the camera unless none was found. One sentence on what happened.
+
+    Raises GssmcError, with nothing written, when the splat or the camera changed so that the result cannot be applied.
+    """
+    refined = as_refined(report)
+    if refined is not None or report.refined is not None:
+        return refine_job.apply_report(targets, refined or report.refined)
+    _, _, camera = targets.find()
+    camera_props.note_verdict(camera.data, "failed", report.reasons, 0, report.seconds)
+    values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
+    return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
+
+
+HOW = {
+    "": "",
+    "near": n_("Found from where the camera stood."),
+    "known": n_("Found from the cameras of solved photos."),
+    "map": n_("Found in the map of the scan."),
+}
+
+
+def how_found(finder: Finder, report: FindReport) -> str:
+    """From what the camera was found, as a sentence; "" when it is not trusted."""
+    where: Where = finder.from_where(report)
+    return rpt_(HOW[where]) if where else ""
