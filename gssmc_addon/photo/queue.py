@@ -287,8 +287,8 @@ def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
     return found
 
 
-def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings, options: QueueOptions) -> RefineQueue:
+def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings, options: QueueOptions | None = None) -> RefineQueue:
     """The queue of the list's photos. Raises GssmcError when there is no splat or nothing to refine."""
     entries = entries_to_refine(scene, which)
     splat_object.check_picked(scene, scene.gssmc.splat)
-    return RefineQueue(scene, entries, settings, options)
+    return RefineQueue(scene, entries, settings, options or QueueOptions())
