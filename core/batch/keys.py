@@ -9,12 +9,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..cameras.files import camera_to_dict
+from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..errors import SplatFormatError
 from ..geometry.camera import Camera
 from ..pose.settings import RefineSettings
 
-KEY_VERSION = 2  # to be raised when the same input gets other answers, or records another form
+KEY_VERSION = 3  # to be raised when the same input gets other answers, or records another form
 BLOCKS, BLOCK_BYTES = 64, 1 << 16  # of a scan, which may have gigabytes
 
 Stamp = tuple[int, int] | None
@@ -22,22 +22,23 @@ Stamp = tuple[int, int] | None
 
 @dataclass(frozen=True)
 class Query:
-    """A start camera, its photo's file, and its mask's where it has one."""
+    """A start camera, or what is known of one without a pose, its photo's file, and its mask's where it has one."""
 
-    camera: Camera
+    camera: Camera | Unplaced
     photo: Path
     mask: Path | None = None
 
 
-def query_keys(scan: Path, queries: Sequence[Query], settings: RefineSettings) -> list[str]:
+def query_keys(scan: Path, queries: Sequence[Query], settings: RefineSettings, finding: str = "") -> list[str]:
     """Per query, the digest of the scan's content, of what the photo and mask are now, of the settings with the model files
-    they name, and of the start. Two equal queries share a key, and then an answer. Raises SplatFormatError.
+    they name, and of the start. `finding`: a word for how photos are found without a start, "" where they are not. Two equal
+    queries share a key, and then an answer. Raises SplatFormatError.
     """
     options = {name: value for name, value in asdict(settings).items() if name != "threads"}
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
-    common = (KEY_VERSION, scan_digest(scan), options, models)
+    common = (KEY_VERSION, scan_digest(scan), options, models, finding)
     return [
-        job_key(common, camera_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
+        job_key(common, wanted_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
         for q in queries
     ]
 

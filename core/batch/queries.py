@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..cameras import match_names, queries, read
-from ..cameras.files import Start, read_starts
+from ..cameras.files import Start
 from ..cameras.pose_list import checked
-from ..errors import DatasetError, PhotoError, UsageError
+from ..cameras.unplaced import Unplaced, read_wanted
+from ..errors import CameraError, DatasetError, PhotoError, UsageError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 
@@ -18,70 +20,89 @@ UNREAD = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of 
 
 @dataclass(frozen=True)
 class Queries:
-    """Start cameras, whose "file" is the photo's name as the source spells it, and as many photo files; `notes` are sentences
-    on what was assumed or left out, for whoever asked.
+    """Start cameras, or lenses of photos without a start, whose "file" is the photo's name as the source spells it, and as many
+    photo files; `notes` are sentences on what was assumed or left out, for whoever asked.
     """
 
-    cameras: list[Camera]
+    cameras: list[Camera | Unplaced]
     photos: list[Path]
     notes: tuple[str, ...] = ()
 
 
 def find_queries(args: argparse.Namespace) -> Queries:
-    """The queries of a batch's flags. Raises UsageError, DatasetError or CameraError."""
+    """The queries of a batch's flags; `args.locate` tells whether photos without a start are found as well.
+
+    Raises UsageError, DatasetError or CameraError.
+    """
     if args.queries.is_dir():
-        found = _from_dataset(args.queries, args.start, args.focal)
+        found = _from_dataset(args.queries, args.start, args.focal, args.locate)
     else:
         found = _from_cameras(args.queries, args.start, args.focal)
+    if not args.locate:
+        _check_placed(found, args.queries)
     if args.poses is not None:
         for camera in found.cameras:
             checked(camera.file)  # found out before hours of work, not after
     return found
 
 
-def _from_dataset(folder: Path, start: Path | None, focal: float | None) -> Queries:
-    """Test photos of a scene folder that have a start pose; the others are told and left out."""
-    if start is None:
+def _check_placed(found: Queries, source: Path) -> None:
+    for number, camera in enumerate(found.cameras, 1):
+        if isinstance(camera, Unplaced):
+            raise CameraError(f"Camera {number} of '{source.name}' has no R and t; give a start, or leave out --no-locate.")
+
+
+def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate: bool) -> Queries:
+    """Test photos of a scene folder. Those without a start pose have to be found, or are left out, and that is said."""
+    if start is None and not locate:
         raise UsageError(f"'{folder.name}' is a data set's folder, which has no start poses; give them with --start POSES.txt.")
     if focal is not None and not 0 < focal < float("inf"):
         raise UsageError(f"--focal is {focal:g}; give the focal length in pixels.")
-    wanted, starts = queries(folder, focal), read(start)
+    wanted = queries(folder, focal)
+    if start is None:
+        return Queries([Unplaced(one.name, one.intrinsics) for one in wanted], [one.photo.resolve() for one in wanted])
+    starts = read(start)
     found = match_names([query.name for query in wanted], starts.names, folder.name, starts.source)
-    pairs = [(query, starts.frames[i]) for query, i in zip(wanted, found, strict=True) if i is not None]
-    if not pairs:
+    if all(i is None for i in found):
         raise DatasetError(f"'{start.name}' has no start pose for any test photo of '{folder.name}'; give the same scene's.")
-    left_out = f"{len(wanted) - len(pairs)} of {len(wanted)} test photos have no start pose in '{start.name}' and are left out."
-    cameras = [Camera(query.intrinsics, frame.pose, query.name) for query, frame in pairs]
-    return Queries(cameras, [query.photo.resolve() for query, _ in pairs], (left_out,) if len(pairs) < len(wanted) else ())
+    pairs = [(query, i) for query, i in zip(wanted, found, strict=True) if locate or i is not None]
+    cameras = [
+        Unplaced(query.name, query.intrinsics) if i is None else Camera(query.intrinsics, starts.frames[i].pose, query.name)
+        for query, i in pairs
+    ]
+    what = "are searched for without one" if locate else "are left out"
+    said = f"{found.count(None)} of {len(wanted)} test photos have no start pose in '{start.name}' and {what}."
+    return Queries(cameras, [query.photo.resolve() for query, _ in pairs], (said,) if None in found else ())
 
 
 def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Queries:
-    """Cameras of a JSON file, each with its photo relative to that file."""
-    starts = read_starts(file)
+    """Records of a JSON file, each with its photo relative to that file."""
+    records = read_wanted(file)
     for flag, value in (("--start", start), ("--focal", focal)):
         if value is not None:
             raise UsageError(f"{flag} goes with a data set's folder; '{file.name}' brings its own cameras.")
-    for number, start_camera in enumerate(starts, 1):
-        if not start_camera.file:
+    for number, record in enumerate(records, 1):
+        if not record.file:
             raise UsageError(f"Camera {number} of '{file.name}' names no photo; give it a \"file\".")
-    photos = [file.resolve().parent / start_camera.file for start_camera in starts]
-    cameras, notes = _with_lenses(starts, photos)
+    photos = [file.resolve().parent / record.file for record in records]
+    cameras, notes = _with_lenses(records, photos)
     return Queries(cameras, photos, notes)
 
 
-def _with_lenses(starts: list[Start], photos: list[Path]) -> tuple[list[Camera], tuple[str, ...]]:
+def _with_lenses(records: Sequence[Start | Unplaced], photos: list[Path]) -> tuple[list[Camera | Unplaced], tuple[str, ...]]:
     """The cameras, with lenses by their photos where the file tells none, and what was assumed."""
-    cameras: list[Camera] = []
+    cameras: list[Camera | Unplaced] = []
     assumed: list[LensGuess | None] = []
-    for start, photo in zip(starts, photos, strict=True):
-        guess = _guess(photo) if start.intrinsics is None else None
-        cameras.append(start.camera(guess.intrinsics if guess else UNREAD))
-        assumed += [guess] if start.intrinsics is None else []
+    for record, photo in zip(records, photos, strict=True):
+        guess = _guess(photo) if record.intrinsics is None else None
+        lens = guess.intrinsics if guess else UNREAD
+        cameras.append(record.camera(lens) if isinstance(record, Start) else record.with_guess(lens))
+        assumed += [guess] if record.intrinsics is None else []
     if not assumed:
         return cameras, ()
     by_exif = sum(guess is not None and guess.focal_35mm is not None for guess in assumed)
     said = (
-        f"{len(assumed)} of {len(starts)} starts tell no lens: {by_exif} get theirs from EXIF, "
+        f"{len(assumed)} of {len(records)} starts tell no lens: {by_exif} get theirs from EXIF, "
         f"{len(assumed) - by_exif} a field of view of {DEFAULT_FOV_DEG:g} degrees across the long side."
     )
     return cameras, (said,)

@@ -1,26 +1,34 @@
 """A batch worker: one process that holds the scene and refines the photos it is handed, one request each.
 
 A process of its own, because a damaged photo or model can end a process inside OpenCV, and that must cost one photo only.
-The first request is {"scene", "settings"}, answered by {"dropped": n} or {"error": sentence}; each further one is
-{"camera", "photo", "mask"} (the last may be null), answered by the photo's record. It ends when its input does, at once.
+The first request is {"scene", "settings", "map", "key"}, answered by {"dropped": n} or {"error": sentence}; each further one is
+{"camera", "photo", "mask"} (the last may be null), answered by the photo's record. With a "map", a file that holds the map of
+that "key", photos are found without their start; without one they are refined from it. It ends when its input does, at once.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import cv2
 
 from ..cameras.files import camera_from_dict
+from ..cameras.unplaced import Unplaced, wanted_from_dict
 from ..errors import GssmcError
+from ..geometry.camera import Camera
+from ..locate import LandmarkMap, find_camera, read_map
 from ..pose.report_json import error_to_dict, report_to_dict
 from ..pose.settings import RefineSettings
 from ..processes.requests import Requests
 from ..render import Renderer, RenderSettings
 from ..splats import read_splats
+from .find_one import find_target, found_to_dict
 from .refine_one import refine_photo
+
+Record = dict[str, Any]
 
 
 def main() -> int:
@@ -30,6 +38,7 @@ def main() -> int:
     first, _ = requests.next()
     try:
         scene = read_splats(first["scene"])
+        landmarks = read_map(first["map"], first["key"]) if first.get("map") else None
     except GssmcError as error:
         requests.answer({"error": str(error)})
         requests.next()  # never comes: whoever heard that ends this process
@@ -40,20 +49,46 @@ def main() -> int:
     while True:
         job, _ = requests.next()
         mask = Path(job["mask"]) if job.get("mask") else None
-        requests.answer(refine_record(renderer, settings, job["camera"], Path(job["photo"]), mask))
+        if landmarks is None:
+            requests.answer(refine_record(renderer, settings, job["camera"], Path(job["photo"]), mask))
+        else:
+            requests.answer(Finder(renderer, settings, landmarks).record(job["camera"], Path(job["photo"]), mask))
 
 
 def refine_record(
-    renderer: Renderer, settings: RefineSettings, camera_dict: dict[str, Any], photo: Path, mask: Path | None = None
-) -> dict[str, Any]:
+    renderer: Renderer, settings: RefineSettings, camera_dict: Record, photo: Path, mask: Path | None = None
+) -> Record:
     """The record of one photo; what cannot be used becomes a record that says so."""
     camera = camera_from_dict(camera_dict)
+    return _guarded(camera, lambda: report_to_dict(refine_photo(renderer, photo, camera, settings, mask=mask)))
+
+
+class Finder:
+    """Finds photos in one scan by one map."""
+
+    def __init__(self, renderer: Renderer, settings: RefineSettings, landmarks: LandmarkMap) -> None:
+        self._renderer, self._settings, self._landmarks = renderer, settings, landmarks
+
+    def record(self, camera_dict: Record, photo: Path, mask: Path | None = None) -> Record:
+        """The record of one photo, whose pose in `camera_dict` plays no part; what cannot be used becomes a record that says
+        so.
+        """
+        given = wanted_from_dict(camera_dict)
+        wanted = given if isinstance(given, Unplaced) else Unplaced(given.file, given.intrinsics, given.focal_guessed)
+        return _guarded(wanted, lambda: self._found(wanted, photo, mask))
+
+    def _found(self, wanted: Unplaced, photo: Path, mask: Path | None) -> Record:
+        target = find_target(photo, wanted, mask)
+        return found_to_dict(find_camera(self._renderer, target, self._landmarks, self._settings), wanted)
+
+
+def _guarded(wanted: Camera | Unplaced, work: Callable[[], Record]) -> Record:
     try:
-        return report_to_dict(refine_photo(renderer, photo, camera, settings, mask=mask))
+        return work()
     except GssmcError as error:
-        return error_to_dict(camera, str(error))
+        return error_to_dict(wanted, str(error))
     except MemoryError:
-        return error_to_dict(camera, "The photo does not fit into memory beside the scan; use fewer --workers.")
+        return error_to_dict(wanted, "The photo does not fit into memory beside the scan; use fewer --workers.")
 
 
 if __name__ == "__main__":

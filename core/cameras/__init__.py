@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import DatasetError
 from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
-from .files import Start, read_starts
+from .files import Start
 from .names import match_names
 from .types import PosedFrame, PoseSet, Query, Split, short
+from .unplaced import read_wanted
+
+log = logging.getLogger(__name__)
 
 __all__ = [
     "LAYOUTS",
@@ -60,10 +64,23 @@ def read(path: Path, split: Split = "test") -> PoseSet:
 
 
 def starts(path: Path) -> list[Start]:
-    """The cameras at `path`, in any layout, as starts of refinements. Raises DatasetError or CameraError."""
+    """The cameras at `path`, in any layout, as starts of refinements; photos without a pose are left out, which is logged.
+
+    Raises DatasetError or CameraError.
+    """
     if _known(path) == "cameras":
-        return read_starts(path)
+        return _placed(path)
     return [Start(frame.pose, frame.name, frame.intrinsics) for frame in read(path).frames]
+
+
+def _placed(path: Path) -> list[Start]:
+    wanted = read_wanted(path)
+    found = [one for one in wanted if isinstance(one, Start)]
+    if not found:
+        raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
+    if len(found) < len(wanted):
+        log.warning("%d of %d cameras in '%s' have no pose and are left out", len(wanted) - len(found), len(wanted), path.name)
+    return found
 
 
 def queries(path: Path, focal: float | None = None) -> list[Query]:

@@ -8,6 +8,7 @@ from ..errors import DatasetError
 from .files import load_json, start_from_dict
 from .text import head
 from .types import PosedFrame, PoseSet, Split, pose_set
+from .unplaced import is_unplaced
 
 
 def detect(path: Path) -> bool:
@@ -16,7 +17,8 @@ def detect(path: Path) -> bool:
 
 
 def read(path: Path, split: Split = "test") -> PoseSet:
-    """All cameras of the file that have an answer: a photo that could not be tried at all (a result with "error") has none.
+    """All cameras of the file that have an answer: a photo that could not be tried at all (a result with "error") has none,
+    nor has one without "R" and "t".
 
     A result whose verdict is "failed" stands for its start, as it does for the user. Raises DatasetError, CameraError.
     """
@@ -26,6 +28,9 @@ def read(path: Path, split: Split = "test") -> PoseSet:
         raise DatasetError(f"'{path.name}' has no list of cameras under \"frames\"; give at least one camera there.")
     frames, unsolved = [], 0
     for number, record in enumerate(records, 1):
+        if is_unplaced(record):
+            unsolved += 1
+            continue
         where = f"Camera {number} of '{path.name}'"
         camera = start_from_dict(record, where)
         if not camera.file:

@@ -49,15 +49,16 @@ class Start:
 
 def read_cameras(path: str | Path) -> list[Camera]:
     """All cameras of a file, in its order. Raises CameraError with one sentence that names the camera and the key."""
-    return _read(Path(path), camera_from_dict)
+    return parse_file(Path(path), camera_from_dict)
 
 
 def read_starts(path: str | Path) -> list[Start]:
     """As `read_cameras`, of cameras that may lack their lens."""
-    return _read(Path(path), start_from_dict)
+    return parse_file(Path(path), start_from_dict)
 
 
-def _read(path: Path, parse: Callable[[Any, str], T]) -> list[T]:
+def parse_file(path: Path, parse: Callable[[Any, str], T]) -> list[T]:
+    """What `parse` makes of each record of a file and the words that name it, in the file's order. Raises CameraError."""
     data = load_json(path)
     if isinstance(data, dict) and "frames" not in data:
         return [parse(data, f"The camera in '{path.name}'")]

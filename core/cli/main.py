@@ -10,7 +10,8 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from ..errors import GssmcError
-from .commands import batch, convert, demo, evaluate, features, refine, render
+from .commands import batch, convert, demo, evaluate, features, locate, refine, render
+from .commands import map as make_map
 from .console import note
 from .flags import OneLineParser
 from .outcome import BAD_INPUT, INTERRUPTED, Outcome
@@ -18,13 +19,15 @@ from .outcome import BAD_INPUT, INTERRUPTED, Outcome
 COMMANDS = {
     "render": render,
     "refine": refine,
+    "locate": locate,
     "batch": batch,
+    "map": make_map,
     "demo": demo,
     "evaluate": evaluate,
     "convert": convert,
     "features": features,
 }
-WITHOUT_SCENE = frozenset({"evaluate", "convert", "features"})  # a caller that saves scenes has nothing to add to them
+WITHOUT_SCENE = frozenset({"evaluate", "convert", "features", "map"})  # a caller that saves scenes has nothing to add to them
 
 
 def build_parser(

@@ -1,6 +1,7 @@
 """Finding a photo's camera without any start pose: viewpoints from the splat, a map of landmarks, and hypotheses from it."""
 
 from .build import MapStep, build_map
+from .cache import MapCache, MapPlace
 from .file import MapFileError, map_key, read_map, scan_digest, write_map
 from .find import FindProgress, FindReport, find_camera, iterate_finding
 from .hypotheses import Hypothesis
@@ -14,7 +15,9 @@ __all__ = [
     "Hypothesis",
     "LandmarkMap",
     "Located",
+    "MapCache",
     "MapFileError",
+    "MapPlace",
     "MapSettings",
     "MapStep",
     "MapView",

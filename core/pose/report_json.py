@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from ..cameras.files import camera_to_dict
+from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..geometry.camera import Camera, Pose
 from .report import IterationRecord, PoseQuality, RefineReport
 
@@ -25,17 +26,22 @@ def report_to_dict(report: RefineReport) -> dict[str, Any]:
         "quality": quality_to_dict(report.quality) if report.quality else None,
         "stage": report.stage,
         "lens": report.lens,
-        "start": _pose(report.start.pose),
+        "start": pose_to_dict(report.start.pose),
     }
 
 
-def error_to_dict(start: Camera, sentence: str) -> dict[str, Any]:
+def error_to_dict(start: Camera | Unplaced, sentence: str) -> dict[str, Any]:
     """The record of a photo that could not be tried at all: the start camera, "failed", and the sentence."""
+    return {**failed_to_dict(start, sentence), "error": sentence}
+
+
+def failed_to_dict(start: Camera | Unplaced, sentence: str) -> dict[str, Any]:
+    """The record of a photo for which no pose was found: the start camera, without a pose where it had none."""
     verdict = {"verdict": "failed", "reasons": [sentence], "details": [], "iterations": [], "seconds": 0.0, "quality": None}
-    return {**camera_to_dict(start), **verdict, "start": _pose(start.pose), "error": sentence}
+    return {**wanted_to_dict(start), **verdict, "start": pose_to_dict(start.pose) if isinstance(start, Camera) else None}
 
 
-def _pose(pose: Pose) -> dict[str, Any]:
+def pose_to_dict(pose: Pose) -> dict[str, Any]:
     return {"R": pose.R.tolist(), "t": pose.t.tolist()}
 
 
@@ -47,7 +53,7 @@ def quality_to_dict(quality: PoseQuality) -> dict[str, Any]:
 
 def _value(value: Any) -> Any:
     if isinstance(value, Pose):
-        return _pose(value)
+        return pose_to_dict(value)
     return _number(value) if isinstance(value, float) else value
 
 
@@ -57,7 +63,7 @@ def _iteration(record: IterationRecord) -> dict[str, Any]:
         "matches": record.matches,
         "inliers": record.inliers,
         "rms_px_of_photo": _number(record.rms_px_of_photo),
-        **_pose(record.pose),
+        **pose_to_dict(record.pose),
     }
 
 

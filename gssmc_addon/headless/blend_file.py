@@ -61,7 +61,7 @@ def _verdicts(outcome: Outcome, results: Path | None) -> list[dict[str, Any]]:
         return [report_to_dict(report) for report in outcome.reports]
     if outcome.photos and results:
         frames: list[dict[str, Any]] = json.loads(results.read_text(encoding="utf-8"))["frames"]
-        return frames
+        return [frame for frame in frames if frame["R"] is not None]  # as the outcome's cameras: photos that were found
     return [{} for _ in outcome.cameras]
 
 

@@ -1,6 +1,7 @@
 """`batch SCENE QUERIES.json --out RESULTS.json`: every photo of a list, over several processes, safe against interruption.
 
-A 7-Scenes or Cambridge folder may stand for the list: `batch SCENE FOLDER --start POSES.txt --preset 7scenes --out ...`.
+A 7-Scenes or Cambridge folder may stand for the list: `batch SCENE FOLDER [--start POSES.txt] --preset 7scenes --out ...`.
+Photos without a start, and those whose refinement from it fails, are searched for.
 """
 
 from __future__ import annotations
@@ -9,32 +10,30 @@ import argparse
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 from ...batch.keys import Query, query_keys
 from ...batch.queries import find_queries
 from ...batch.store import ResultStore
 from ...cameras import pose_list
-from ...cameras.files import camera_from_dict, camera_to_dict
+from ...cameras.files import camera_from_dict
 from ...errors import UsageError
 from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
-from ...pose.report_json import error_to_dict
 from ...pose.settings import RefineSettings
-from ...processes.pool import Pool
 from ...splats import check_splat_file
 from ..console import note, say
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..maps import MapFlags, add_map_flags
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
-from ..progress import ProgressBar
+from ..rounds import TO_FIND, Rounds
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("batch", help="refine many photos; a second run goes on where the first one stopped")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
-    source = 'camera JSON: each camera is the start of its "file", relative to this JSON; or a 7-Scenes or Cambridge folder'
+    source = 'camera JSON: each record is the start of its "file", relative to this JSON, or that name alone; or a data set\'s folder'
     parser.add_argument("queries", type=Path, metavar="SOURCE", help=source)
     parser.add_argument("--start", type=Path, metavar="POSES.txt", help="start poses of a folder's test photos (any pose file)")
     parser.add_argument("--focal", type=float, metavar="PX", help="focal length of a folder's photos (7-Scenes: 525)")
@@ -44,12 +43,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     workers = os.cpu_count() or 1
     parser.add_argument("--workers", type=int, default=workers, metavar="N", help=f"processes, each holds the scan ({workers})")
+    add_map_flags(parser, switch=True)
     add_settings_flags(parser, skip=("threads",))
     return parser
 
 
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args, PRESETS[args.preset] if args.preset else None)
+    flags = MapFlags(args)
     found = find_queries(args)
     for sentence in found.notes:
         note(sentence)
@@ -59,18 +60,29 @@ def run(args: argparse.Namespace) -> Outcome:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
-    with ResultStore(args.out, query_keys(args.scene, queries, settings)) as store:
-        if store.records:
-            note(f"{len(store.records)} of {len(queries)} photos were finished before and are kept.")
-        _work(args, queries, settings, store)
+    with ResultStore(args.out, query_keys(args.scene, queries, settings, flags.word if args.locate else "")) as store:
+        kept = sum(TO_FIND not in record for record in store.records.values())
+        if kept:
+            note(f"{kept} of {len(queries)} photos were finished before and are kept.")
+        Rounds(args.scene, args.workers, settings, flags if args.locate else None).run(queries, store)
     verdicts = Counter(record["verdict"] for record in store.records.values())
     say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
-    results = tuple(camera_from_dict(store.records[i]) for i in range(len(queries)))
-    if args.poses is not None:
-        tried = [camera for i, camera in enumerate(results) if "error" not in store.records[i]]
-        pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
     code = FAILED_VERDICT if verdicts["failed"] else OK
-    return Outcome(code, args.scene, results, tuple(found.photos), masks=tuple(masks))
+    return _outcome(args, code, queries, store)
+
+
+def _outcome(args: argparse.Namespace, code: int, queries: Sequence[Query], store: ResultStore) -> Outcome:
+    """The outcome, of the photos that have a camera; the poses are written where they are asked for."""
+    records = [store.records[i] for i in range(len(queries))]
+    placed = [i for i, record in enumerate(records) if record["R"] is not None]
+    cameras = tuple(camera_from_dict(records[i]) for i in placed)
+    if len(placed) < len(queries):
+        note(f"{len(queries) - len(placed)} of {len(queries)} photos had no start and were not found, so they have no pose.")
+    if args.poses is not None:
+        tried = [camera for i, camera in zip(placed, cameras, strict=True) if "error" not in records[i]]
+        pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
+    photos, masks = ([getattr(queries[i], name) for i in placed] for name in ("photo", "mask"))
+    return Outcome(code, args.scene, cameras, tuple(photos), masks=tuple(masks))
 
 
 def _check_paths(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings) -> None:
@@ -82,35 +94,9 @@ def _check_paths(args: argparse.Namespace, queries: Sequence[Query], settings: R
         "a photo": [query.photo for query in queries],
         "a mask": [query.mask for query in queries if query.mask],
         "a model": [Path(name) for name in (settings.model, settings.matcher_model) if name],
+        "the known cameras": args.cameras,
     }
-    check_outputs({"--out": args.out, "--poses": args.poses}, inputs)
-
-
-def _work(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings, store: ResultStore) -> None:
-    jobs = [
-        (i, {"camera": camera_to_dict(q.camera), "photo": str(q.photo), "mask": str(q.mask) if q.mask else None})
-        for i, q in enumerate(queries)
-        if i not in store.records
-    ]
-    first = {"scene": str(args.scene.resolve()), "settings": {**asdict(settings), "threads": 1}}
-    dropped, failed = 0, sum(record["verdict"] == "failed" for record in store.records.values())
-    lost = lambda i, words: error_to_dict(queries[i].camera, f"The worker process ended on this photo ({words}).")  # noqa: E731
-    with Pool(first, args.workers) as pool, ProgressBar("Refining") as bar:
-
-        def show() -> None:
-            bar.show(len(store.records) / len(queries), f"{len(store.records)} of {len(queries)}, {failed} failed")
-
-        def started(left_out: int) -> None:
-            nonlocal dropped
-            dropped = left_out
-            show()
-
-        for index, record in pool.run(jobs, lost, started):
-            store.put(index, record)
-            failed += record["verdict"] == "failed"
-            show()
-    if dropped:
-        note(f"Left out {dropped} Gaussians of the scan whose values are NaN or infinite.")
+    check_outputs({"--out": args.out, "--poses": args.poses, "--map": args.map}, inputs)
 
 
 def _mask_files(masks: Path | None, photos: list[Path]) -> list[Path | None]:

@@ -1,4 +1,4 @@
-"""`demo`: the whole job on the built-in sample, with a picture of the camera before and after."""
+"""`demo`: the whole job on the built-in sample, without a start; a picture shows the first guess and the end."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from ...batch.refine_one import refine_photo
+from ...batch.find_one import find_target, found_to_dict
 from ...cameras.files import read_cameras
+from ...cameras.unplaced import Unplaced
 from ...errors import UsageError
-from ...geometry.camera import Camera, pose_error
+from ...geometry.camera import pose_error
+from ...locate import FindReport, MapCache, MapPlace, MapSettings
 from ...photos.photo import read_photo
 from ...pictures.chessboard import before_after, save_png
-from ...pose.report import RefineReport
-from ...pose.report_json import report_to_dict
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ...synthetic import SampleFiles, write_sample
 from ..console import say
 from ..flags import add_settings_flags, settings_from
+from ..maps import find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
-from ..progress import ProgressBar
 
 RESULT, PICTURE, TRUTH = "result.json", "before_after.png", "truth.json"
 WRITTEN = ("room.ply", "photo.jpg", "start.json", TRUTH, RESULT, PICTURE)
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
-    parser = commands.add_parser("demo", help="build the sample scene and refine a photo of it")
+    parser = commands.add_parser("demo", help="build the sample scene and find the camera of a photo of it")
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="where everything is written (demo)")
     add_settings_flags(parser)
     return parser
@@ -36,22 +36,22 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> Outcome:
     _check_folder(args.out)
+    settings = settings_from(args)
     sample = write_sample(args.out)
     scene, photo = read_splats(sample.scene), read_photo(sample.photo)
-    start = replace(read_cameras(sample.start)[0], file=str(sample.photo))
-    settings = settings_from(args)
+    lens = Unplaced.of(replace(read_cameras(sample.start)[0], file=str(sample.photo)))  # its pose is for who wants to try it
+    cache = MapCache(scene, MapPlace(sample.scene), MapSettings(threads=settings.threads))
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
-        with ProgressBar("Refining") as bar:
-            report = refine_photo(renderer, photo, start, settings, lambda p: bar.show(p.fraction, p.step))
-            bar.show(1.0, report.verdict)
-        picture = before_after(renderer, photo, start, report.camera)
-    (args.out / RESULT).write_text(json.dumps(report_to_dict(report), indent=1) + "\n")
-    save_png(str(args.out / PICTURE), picture)
+        found = find_with_progress(renderer, find_target(photo, lens), cache, settings)
+        if found.refined is not None:
+            picture = before_after(renderer, photo, found.refined.start, found.refined.camera)
+            save_png(str(args.out / PICTURE), picture)
+    (args.out / RESULT).write_text(json.dumps(found_to_dict(found, lens), indent=1) + "\n")
     say(f"{len(scene)} Gaussians, photo {photo.width} x {photo.height}; files are in {args.out}")
-    say(errors(sample, start, report))
-    return Outcome(
-        FAILED_VERDICT if report.verdict == "failed" else OK, sample.scene, (report.camera,), (sample.photo,), (report,)
-    )
+    say(errors(sample, found))
+    if found.camera is None or found.refined is None:
+        return Outcome(FAILED_VERDICT, sample.scene)
+    return Outcome(OK, sample.scene, (found.camera,), (sample.photo,), (found.refined,))
 
 
 def _check_folder(folder: Path) -> None:
@@ -61,12 +61,15 @@ def _check_folder(folder: Path) -> None:
         raise UsageError(f"'{folder}' has a {taken[0]} that is no demo's; give another folder with --out DIR.")
 
 
-def errors(sample: SampleFiles, start: Camera, report: RefineReport) -> str:
-    """Errors against the sample's truth before and after, and the verdict, for people."""
+def errors(sample: SampleFiles, found: FindReport) -> str:
+    """Errors against the sample's truth of what the map said and of the refined camera, and the verdict, for people."""
     truth = read_cameras(sample.truth)[0].pose
-    before, after = (pose_error(camera.pose, truth) for camera in (start, report.camera))
+    verdict = f"verdict: {found.verdict}. {' '.join(found.reasons)}"
+    if found.refined is None:
+        return verdict
+    before, after = (pose_error(camera.pose, truth) for camera in (found.refined.start, found.refined.camera))
     return (
-        f"before: {1000 * before[0]:.1f} mm, {before[1]:.2f} deg off (the room is 5 m deep)\n"
-        f"after:  {1000 * after[0]:.2f} mm, {after[1]:.3f} deg off, {report.seconds:.1f} s\n"
-        f"verdict: {report.verdict}. {' '.join(report.reasons)}"
+        f"found without a start, in {found.views} views of the scan: {1000 * before[0]:.1f} mm, {before[1]:.2f} deg off "
+        "(the room is 5 m deep)\n"
+        f"refined: {1000 * after[0]:.2f} mm, {after[1]:.3f} deg off, {found.seconds:.1f} s\n{verdict}"
     )

@@ -1,83 +1,117 @@
-"""`refine SCENE PHOTO --camera CAM.json`: the exact camera of one photo."""
+"""`refine SCENE PHOTO [--camera CAM.json]`: the exact camera of one photo, from a rough start or without one."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from ...batch.find_one import find_target, found_to_dict, joined
 from ...batch.refine_one import refine_photo
-from ...cameras.files import Start, read_starts
-from ...errors import CameraError, PhotoError
+from ...cameras.files import Start
+from ...cameras.unplaced import Unplaced, read_wanted
+from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
 from ...photos.lens_guess import guess_lens
 from ...photos.mask import find_mask, masked
 from ...photos.photo import Photo, read_photo
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
+from ...pose.settings import RefineSettings
 from ...render import ProcessRenderer, RenderSettings
-from ...splats import read_splats
-from ...support.atomic import atomic_write
-from ..console import note, say
+from ...render.view import ViewRenderer
+from ...splats import GaussianScene, read_splats
+from ..console import note
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..maps import MapFlags, add_map_flags, find_with_progress
 from ..notes import say_dropped
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..progress import ProgressBar
+from ..result import put_result
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
-    parser = commands.add_parser("refine", help="find the exact camera of one photo from a rough start")
+    parser = commands.add_parser("refine", help="find the exact camera of one photo from a rough start, or without one")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
-    parser.add_argument(
-        "--camera", type=Path, required=True, metavar="CAM.json", help="the start: rough pose, and lens where known"
-    )
+    start = "the start: rough pose, and lens where known; without it, or without a pose in it, the photo is searched for"
+    parser.add_argument("--camera", type=Path, metavar="CAM.json", help=start)
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
+    add_map_flags(parser, switch=True)
     add_settings_flags(parser)
     return parser
 
 
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args)
-    mask = None if args.mask is None else _mask(args.mask, args.photo)
-    models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
-    inputs = {"the scan": args.scene, "the photo": args.photo, "the start": args.camera, "the mask": mask, "a model": models}
-    check_outputs({"--out": args.out}, inputs)
+    mask = None if args.mask is None else mask_file(args.mask, args.photo)
+    _check_paths(args, settings, mask)
+    if args.camera is None and not args.locate:
+        raise UsageError("There is no start to refine from; give it with --camera, or leave out --no-locate.")
+    flags = MapFlags(args, settings.threads)
     photo = read_photo(args.photo)
     if mask is not None:
         photo = masked(photo, mask)
     for remark in photo.notes:
         note(remark)
-    camera = start_camera(pick_start(args.camera, args.photo), photo)
+    wanted = wanted_camera(Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo), photo)
+    if isinstance(wanted, Unplaced) and not args.locate:
+        raise CameraError(f"The camera in '{args.camera.name}' has no R and t; give a start, or leave out --no-locate.")
     scene = read_splats(args.scene)
     say_dropped(scene)
-    side_by_side = RenderSettings.for_scene(scene, settings.threads)
-    with ProcessRenderer(scene, side_by_side) as renderer, ProgressBar("Refining") as bar:
-        report = refine_photo(renderer, photo, camera, settings, lambda p: bar.show(p.fraction, p.step))
-        bar.show(1.0, report.verdict)
-    text = json.dumps(report_to_dict(report), indent=1)
-    if args.out is None:
-        say(text)
-    else:
-        _write(args.out, text)
-        say(summary(report))
-    code = FAILED_VERDICT if report.verdict == "failed" else OK
-    return Outcome(code, args.scene, (report.camera,), (args.photo,), (report,), (mask,))
+    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+        placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted)
+    put_result(args.out, placed.record)
+    code = FAILED_VERDICT if placed.record["verdict"] == "failed" else OK
+    if placed.report is None:
+        return Outcome(code, args.scene)
+    return Outcome(code, args.scene, (placed.report.camera,), (args.photo,), (placed.report,), (mask,))
 
 
-def _write(path: Path, text: str) -> None:
-    try:
-        with atomic_write(path) as file:
-            file.write(text + "\n")
-    except OSError:
-        say(text)  # what was found is not lost
-        raise
+def _check_paths(args: argparse.Namespace, settings: RefineSettings, mask: Path | None) -> None:
+    models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
+    inputs = {"the scan": args.scene, "the photo": args.photo, "the start": args.camera, "the mask": mask, "a model": models}
+    check_outputs({"--out": args.out, "--map": args.map}, {**inputs, "the known cameras": args.cameras})
 
 
-def _mask(masks: Path, photo: Path) -> Path:
+class Placed:
+    """The end: its record, and the report of the camera that was kept, None where there is no camera at all."""
+
+    def __init__(self, record: dict[str, Any], report: RefineReport | None) -> None:
+        self.record, self.report = record, report
+
+
+class Placing:
+    """Places photos in one scan: from their start, and where that fails or there is none, without it."""
+
+    def __init__(self, renderer: ViewRenderer, scene: GaussianScene, settings: RefineSettings, flags: MapFlags | None) -> None:
+        """`flags` None: photos are not searched for."""
+        self._renderer, self._scene, self._settings, self._flags = renderer, scene, settings, flags
+
+    def place(self, photo: Photo, wanted: Camera | Unplaced) -> Placed:
+        if isinstance(wanted, Unplaced):
+            return self._find(photo, wanted)
+        with ProgressBar("Refining") as bar:
+            report = refine_photo(self._renderer, photo, wanted, self._settings, lambda p: bar.show(p.fraction, p.step))
+            bar.show(1.0, report.verdict)
+        first = Placed(report_to_dict(report), report)
+        if report.verdict != "failed" or self._flags is None:
+            return first
+        note("The refinement from the start failed; the photo is searched for without it.")
+        found = self._find(photo, Unplaced.of(wanted))
+        return Placed(joined(first.record, found.record), found.report or first.report)
+
+    def _find(self, photo: Photo, wanted: Unplaced) -> Placed:
+        assert self._flags is not None
+        target = find_target(photo, wanted)
+        found = find_with_progress(self._renderer, target, self._flags.cache(self._scene), self._settings)
+        return Placed(found_to_dict(found, wanted), None if found.camera is None else found.refined)
+
+
+def mask_file(masks: Path, photo: Path) -> Path:
     """The photo's mask. Raises PhotoError when a folder has none for it."""
     found = find_mask(masks, photo)
     if found is None:
@@ -87,28 +121,27 @@ def _mask(masks: Path, photo: Path) -> Path:
     return found
 
 
-def summary(report: RefineReport) -> str:
-    """One line for people."""
-    return f"{report.verdict} after {len(report.iterations)} iterations, {report.seconds:.1f} s. {' '.join(report.reasons)}"
-
-
-def start_camera(start: Start, photo: Photo) -> Camera:
-    """The camera to start from, with the lens that the photo suggests where the file tells none, which is said then."""
+def wanted_camera(wanted: Start | Unplaced, photo: Photo) -> Camera | Unplaced:
+    """The camera to start from, or what is known of it, with the lens that the photo suggests where the file tells none, which
+    is said then.
+    """
     guess = guess_lens(photo)
-    if start.intrinsics is None:
+    if wanted.intrinsics is None:
         note(f"The start tells no lens: {guess.words}.")
-    return replace(start.camera(guess.intrinsics), file=photo.file)
+    if isinstance(wanted, Unplaced):
+        return replace(wanted.with_guess(guess.intrinsics), file=photo.file)
+    return replace(wanted.camera(guess.intrinsics), file=photo.file)
 
 
-def pick_start(file: Path, photo: Path) -> Start:
-    """The file's only camera, or the one that names the photo. Raises CameraError when that is nobody, or several."""
-    starts = read_starts(file)
-    if len(starts) == 1:
-        return starts[0]
-    named = [s for s in starts if Path(s.file).name == photo.name]
+def pick_wanted(file: Path, photo: Path) -> Start | Unplaced:
+    """The file's only record, or the one that names the photo. Raises CameraError when that is nobody, or several."""
+    records = read_wanted(file)
+    if len(records) == 1:
+        return records[0]
+    named = [one for one in records if Path(one.file).name == photo.name]
     if len(named) != 1:
         raise CameraError(
-            f"'{file.name}' holds {len(starts)} cameras, {len(named)} of them for '{photo.name}'; "
+            f"'{file.name}' holds {len(records)} cameras, {len(named)} of them for '{photo.name}'; "
             'give one camera, or one whose "file" names the photo.'
         )
     return named[0]

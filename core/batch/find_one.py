@@ -1,0 +1,62 @@
+"""One photo found without a start, and its record: shared by `locate`, `refine`, `demo` and the workers of `batch`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..cameras.unplaced import Unplaced, wanted_to_dict
+from ..geometry.camera import Camera
+from ..locate import FindReport, Hypothesis, PhotoLens
+from ..photos.mask import masked
+from ..photos.photo import Photo, check_size, read_photo
+from ..pose.report_json import failed_to_dict, pose_to_dict, report_to_dict
+
+Record = dict[str, Any]
+RETRIED = "The refinement from the given start failed, so the camera was searched for without it."
+
+
+def find_target(photo: Photo | Path, wanted: Camera | Unplaced, mask: Path | None = None) -> PhotoLens:
+    """The photo, read and masked, with its lens; the pose of `wanted` plays no part.
+
+    Raises the GssmcError of whatever cannot be used.
+    """
+    if isinstance(photo, Path):
+        photo = read_photo(photo)
+    if mask is not None:
+        photo = masked(photo, mask)
+    lens = None if wanted.intrinsics is None else check_size(photo, wanted.intrinsics)
+    return PhotoLens(photo, lens, wanted.focal_guessed)
+
+
+def found_to_dict(found: FindReport, wanted: Unplaced) -> Record:
+    """The record: as `report_to_dict` gives it, with "hypothesis" (what the map said, which was refined; null where nothing in
+    it matched) and "map_views" (how many views of the map were tried). A photo that was not found has neither "R" nor "t".
+    """
+    if found.refined is None:
+        record = failed_to_dict(wanted, "")
+    elif found.camera is None:
+        record = {**report_to_dict(found.refined), **wanted_to_dict(wanted)}
+    else:
+        record = {**report_to_dict(found.refined), "file": wanted.file}
+    told = {"verdict": found.verdict, "reasons": list(found.reasons), "seconds": round(found.seconds, 3)}
+    return {**record, **told, "hypothesis": _hypothesis(found.hypothesis), "map_views": found.views}
+
+
+def joined(first: Record, found: Record) -> Record:
+    """The record of a photo whose refinement from its start failed (`first`) and that was searched for without it (`found`):
+    what was found, or else the first one, whose camera is the start.
+    """
+    seconds = round(first["seconds"] + found["seconds"], 3)
+    if found["verdict"] != "failed":
+        return {**found, "reasons": [*found["reasons"], RETRIED], "seconds": seconds}
+    reasons = [*first["reasons"], *(f"Without the start: {reason}" for reason in found["reasons"])]
+    more = {name: found.get(name) for name in ("hypothesis", "map_views")}
+    return {**first, "reasons": reasons, "seconds": seconds, **more}
+
+
+def _hypothesis(one: Hypothesis | None) -> Record | None:
+    if one is None:
+        return None
+    numbers = {"focal_factor": one.factor, "inliers": one.inliers, "cells": one.cells, "depth": one.depth}
+    return {**pose_to_dict(one.pose), **numbers}

@@ -1,0 +1,67 @@
+"""Records of photos that nobody has placed: a photo's name, and its lens where that is known.
+
+In camera JSON such a record has neither "R" nor "t", or null for both; it may also be the photo's name alone, as a string.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..geometry.camera import Camera, Intrinsics, Pose
+from .files import NUMBERS, Start, camera_to_dict, parse_file, start_from_dict
+
+POSE = ("R", "t")
+
+
+@dataclass(frozen=True)
+class Unplaced:
+    """A photo without a pose: `intrinsics` at its full size, None where nothing tells its lens."""
+
+    file: str = ""
+    intrinsics: Intrinsics | None = None
+    focal_guessed: bool = False
+
+    def with_guess(self, guess: Intrinsics) -> Unplaced:
+        """The same; `guess` takes the place of a lens that is not known."""
+        return self if self.intrinsics is not None else replace(self, intrinsics=guess, focal_guessed=True)
+
+    @classmethod
+    def of(cls, camera: Camera) -> Unplaced:
+        """What is left of a camera whose pose is not known."""
+        return cls(camera.file, camera.intrinsics, camera.focal_guessed)
+
+
+def read_wanted(path: str | Path) -> list[Start | Unplaced]:
+    """The records of a camera JSON, in its order, each with or without a pose. Raises CameraError."""
+    return parse_file(Path(path), wanted_from_dict)
+
+
+def wanted_from_dict(data: Any, name: str = "The camera") -> Start | Unplaced:
+    """The record in a JSON value. `name` begins the sentence of a CameraError, which whatever is half a pose raises."""
+    if isinstance(data, str):
+        return Unplaced(data)
+    if not is_unplaced(data):
+        return start_from_dict(data, name)
+    lens = {key: value for key, value in data.items() if value is not None and key not in POSE}
+    start = start_from_dict({**lens, "R": Pose().R.tolist(), "t": [0.0, 0.0, 0.0]}, name)
+    return Unplaced(start.file, start.intrinsics, start.focal_guessed and start.intrinsics is not None)
+
+
+def is_unplaced(data: Any) -> bool:
+    """Whether a JSON value is the record of a photo without a pose: a name, or an object that names a photo or a lens."""
+    if isinstance(data, str):
+        return True
+    said = isinstance(data, dict) and any(data.get(key) is not None for key in ("file", *NUMBERS))
+    return said and all(data.get(key) is None for key in POSE)
+
+
+def wanted_to_dict(wanted: Camera | Unplaced) -> dict[str, Any]:
+    """The record as JSON holds it; without a pose, "R" and "t" are null, and the lens's keys are left out where it has none."""
+    if isinstance(wanted, Camera):
+        return camera_to_dict(wanted)
+    if wanted.intrinsics is None:
+        return {"file": wanted.file, "R": None, "t": None}
+    camera = Camera(wanted.intrinsics, Pose(), wanted.file, focal_guessed=wanted.focal_guessed)
+    return {**camera_to_dict(camera), "R": None, "t": None}

@@ -1,0 +1,67 @@
+"""`locate SCENE PHOTO`: the exact camera of one photo, without any start."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ...batch.find_one import find_target, found_to_dict
+from ...cameras.files import Start
+from ...cameras.unplaced import Unplaced
+from ...photos.lens_guess import guess_lens
+from ...photos.photo import Photo, read_photo
+from ...render import ProcessRenderer, RenderSettings
+from ...splats import read_splats
+from ..console import note
+from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..maps import MapFlags, add_map_flags, find_with_progress
+from ..notes import say_dropped
+from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..paths import check_outputs
+from ..result import put_result
+from .refine import mask_file, pick_wanted
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    parser = commands.add_parser("locate", help="find the exact camera of one photo without a start")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
+    parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
+    parser.add_argument("--camera", type=Path, metavar="LENS.json", help="the lens, where known (EXIF's, or a guess)")
+    parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
+    parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
+    add_map_flags(parser)
+    add_settings_flags(parser)
+    return parser
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    settings = settings_from(args)
+    mask = None if args.mask is None else mask_file(args.mask, args.photo)
+    models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
+    inputs = {"the scan": args.scene, "the photo": args.photo, "the lens": args.camera, "the mask": mask}
+    check_outputs({"--out": args.out, "--map": args.map}, {**inputs, "the known cameras": args.cameras, "a model": models})
+    flags = MapFlags(args, settings.threads)
+    photo = read_photo(args.photo)
+    for remark in photo.notes:
+        note(remark)
+    wanted = _lens(args.camera, args.photo, photo)
+    target = find_target(photo, wanted, mask)
+    scene = read_splats(args.scene)
+    say_dropped(scene)
+    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+        found = find_with_progress(renderer, target, flags.cache(scene), settings)
+    put_result(args.out, found_to_dict(found, wanted))
+    if found.camera is None or found.refined is None:
+        return Outcome(FAILED_VERDICT, args.scene)
+    return Outcome(OK, args.scene, (found.camera,), (args.photo,), (found.refined,), (mask,))
+
+
+def _lens(file: Path | None, path: Path, photo: Photo) -> Unplaced:
+    """The lens of the file, or by the photo, which is said then."""
+    given = Unplaced() if file is None else pick_wanted(file, path)
+    if isinstance(given, Start):
+        note("The pose in the file of the lens is not used; `refine` begins at it.")
+    guess = guess_lens(photo)
+    if given.intrinsics is None:
+        note(f"The lens is not known: {guess.words}.")
+    return Unplaced(photo.file, given.intrinsics, given.focal_guessed).with_guess(guess.intrinsics)

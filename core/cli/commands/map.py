@@ -1,0 +1,66 @@
+"""`map SCENE`: the views of the scan in which photos are found without a start; made once, and kept."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import closing
+from pathlib import Path
+
+from ...errors import GssmcError
+from ...locate import LandmarkMap, MapCache
+from ...splats import read_splats
+from ..console import note, say
+from ..flags import SCENE_HELP
+from ..maps import MapFlags, add_map_flags
+from ..notes import say_dropped
+from ..outcome import INTERRUPTED, OK, Outcome
+from ..paths import check_outputs
+from ..progress import ProgressBar
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    parser = commands.add_parser("map", help="make the map of a scan, by which photos are found without a start")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
+    add_map_flags(parser)
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads that draw a view, 0 = one per core (0)")
+    return parser
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    check_outputs({"--map": args.map}, {"the scan": args.scene, "the known cameras": args.cameras})
+    flags = MapFlags(args, args.threads)
+    scene = read_splats(args.scene)
+    say_dropped(scene)
+    cache = flags.cache(scene)
+    made = LandmarkMap(cache.key)
+    interrupted = False
+    try:
+        with ProgressBar("Mapping") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
+            for step in steps:
+                made = step.map
+                bar.show(step.fraction, f"{step.step}, {len(made)} views")
+    except KeyboardInterrupt:
+        interrupted = True
+    return _end(cache, made, interrupted)
+
+
+def _end(cache: MapCache, made: LandmarkMap, interrupted: bool) -> Outcome:
+    """Says what there is. Raises GssmcError when the map could not be written."""
+    file = cache.stored_in()
+    if interrupted:
+        if file is None:
+            note("Interrupted before the map had a view; nothing was written.")
+        else:
+            note(f"Interrupted; the map in '{file}' has {len(cache.read())} views and can be used, and continued.")
+        return Outcome(INTERRUPTED)
+    if file is None:
+        raise GssmcError(f"The map cannot be written to '{cache.files[0]}'; give another file with --map.")
+    known = [view for view in made.views if view.known]
+    blind = sum(len(view) == 0 for view in known)
+    if blind:
+        note(f"{blind} of the {len(known)} known cameras see nothing of the scan; they may belong to another world or scan.")
+    if not made.views:
+        note("No view of the scan shows anything to be found by.")
+    of_known = f", {len(known)} of them from known cameras" if known else ""
+    say(f"{len(made)} views{of_known}, {made.landmarks} landmarks; the map is in {file}")
+    return Outcome(OK)

@@ -1,0 +1,84 @@
+"""What the commands that find photos without a start have in common: the map's flags, its cache, and progress in words."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import closing
+from dataclasses import fields
+from pathlib import Path
+
+from ..cameras.known import read_known
+from ..errors import UsageError
+from ..geometry.camera import Camera
+from ..locate import FindProgress, FindReport, LandmarkMap, MapCache, MapPlace, MapSettings, PhotoLens, find_camera, map_key
+from ..pose.settings import RefineSettings
+from ..render.view import ViewRenderer
+from ..splats import GaussianScene
+from .console import note
+from .progress import ProgressBar
+
+CACHES = ("scan", "user")
+VIEWS = next(field.default for field in fields(MapSettings) if field.name == "views")
+
+
+def add_map_flags(parser: argparse.ArgumentParser, switch: bool = False) -> None:
+    """--map, --cameras, --views, --map-cache; with `switch` also --no-locate."""
+    group = parser.add_argument_group("finding photos without a start")
+    if switch:
+        text = "do not search for photos that have no start, or whose refinement from their start failed"
+        group.add_argument("--no-locate", dest="locate", action="store_false", help=text)
+    group.add_argument("--map", type=Path, metavar="FILE", help="where the scan's map is kept (see --map-cache)")
+    known = "cameras that saw what the scan was trained on, in its coordinates: the map begins with them"
+    group.add_argument(
+        "--cameras", type=Path, metavar="FILE_OR_DIR", help=f"{known} (camera JSON, COLMAP, transforms.json, ...)"
+    )
+    group.add_argument("--views", type=int, metavar="N", help=f"most views of the map ({VIEWS})")
+    where = "where the map is kept without --map: beside the scan (where that can be written) or in the user's cache folder"
+    group.add_argument("--map-cache", choices=CACHES, default=CACHES[0], help=f"{where} ({CACHES[0]})")
+
+
+class MapFlags:
+    """What the flags of `add_map_flags` say. Raises RefineError, UsageError, DatasetError or CameraError."""
+
+    def __init__(self, args: argparse.Namespace, threads: int = 0) -> None:
+        if not getattr(args, "locate", True) and (args.map or args.cameras or args.views is not None):
+            raise UsageError(
+                "--map, --cameras and --views are for finding photos, which --no-locate switches off; leave one out."
+            )
+        self.settings = MapSettings(threads=threads) if args.views is None else MapSettings(args.views, threads=threads)
+        self.place = MapPlace(args.scene, args.map, args.map_cache == "scan")
+        self.place.check()
+        self.known: list[Camera] = [] if args.cameras is None else read_known(args.cameras)
+        if self.known:
+            note(f"The map begins with up to {self.settings.views} of the {len(self.known)} cameras in '{args.cameras}'.")
+
+    @property
+    def word(self) -> str:
+        """What of the flags an answer depends on, as one word."""
+        return map_key("", self.settings, self.known)
+
+    def cache(self, scene: GaussianScene) -> MapCache:
+        return MapCache(scene, self.place, self.settings, self.known)
+
+
+def whole_map(cache: MapCache) -> LandmarkMap:
+    """The map to its end, made where it is not stored, with progress."""
+    with ProgressBar("Mapping") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
+        made = LandmarkMap(cache.key)
+        for step in steps:
+            made = step.map
+            bar.show(step.fraction, f"{step.step}, {len(made)} views")
+    return made
+
+
+def find_with_progress(renderer: ViewRenderer, target: PhotoLens, cache: MapCache, settings: RefineSettings) -> FindReport:
+    """The photo's camera without a start; no more of the map is made than the photo needs, and what is made is stored."""
+    with ProgressBar("Finding") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
+
+        def show(progress: FindProgress) -> None:
+            refining = f", {progress.refining.step}" if progress.refining else ""
+            bar.show(progress.fraction, f"{progress.step}{refining}, {progress.views} views")
+
+        found = find_camera(renderer, target, steps, settings, show)
+        bar.show(1.0, found.verdict)
+    return found

@@ -1,0 +1,31 @@
+"""The end of a command that places one photo: its result as JSON, and a line for people."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from ..support.atomic import atomic_write
+from .console import say
+
+
+def put_result(out: Path | None, record: dict[str, Any]) -> None:
+    """Writes the record to `out` and says one line of it, or says the whole where there is no `out`. Raises OSError."""
+    text = json.dumps(record, indent=1)
+    if out is None:
+        say(text)
+        return
+    try:
+        with atomic_write(out) as file:
+            file.write(text + "\n")
+    except OSError:
+        say(text)  # what was found is not lost
+        raise
+    say(summary(record))
+
+
+def summary(record: dict[str, Any]) -> str:
+    """One line for people."""
+    after = f"after {len(record['iterations'])} iterations, {record['seconds']:.1f} s"
+    return f"{record['verdict']} {after}. {' '.join(record['reasons'])}"

@@ -1,0 +1,114 @@
+"""The rounds of a batch: photos refined from their starts, then those without one, or whose start failed, searched for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..batch.find_one import joined
+from ..batch.keys import Query
+from ..batch.store import ResultStore
+from ..cameras.unplaced import Unplaced, wanted_to_dict
+from ..locate import write_map
+from ..pose.report_json import error_to_dict
+from ..pose.settings import RefineSettings
+from ..processes.pool import Pool
+from ..splats import read_splats
+from ..support.scratch import ScratchFolder
+from .console import note
+from .maps import MapFlags, whole_map
+from .progress import ProgressBar
+
+TO_FIND = "to_be_found"  # of a record whose refinement from its start failed, until it has been searched for
+
+
+@dataclass(frozen=True)
+class Rounds:
+    """The work of a batch on the scan `scene`, over so many processes. `flags` None: photos are not searched for."""
+
+    scene: Path
+    workers: int
+    settings: RefineSettings
+    flags: MapFlags | None
+
+    def run(self, queries: Sequence[Query], store: ResultStore) -> None:
+        """Puts a record of each query into the store that has none yet."""
+        first = {"scene": str(self.scene.resolve()), "settings": {**asdict(self.settings), "threads": 1}}
+        from_start = [i for i, q in enumerate(queries) if i not in store.records and not isinstance(q.camera, Unplaced)]
+        said = _Said()
+        if from_start:
+            work = _Round(queries, store, mark=self.flags is not None)
+            work.run(first, self.workers, from_start, said)
+        to_find = [i for i in range(len(queries)) if i not in store.records or TO_FIND in store.records[i]]
+        if to_find and self.flags is not None:
+            self._find(self.flags, first, to_find, _Round(queries, store), said)
+        if said.dropped:
+            note(f"Left out {said.dropped} Gaussians of the scan whose values are NaN or infinite.")
+
+    def _find(self, flags: MapFlags, first: dict[str, Any], to_find: list[int], work: _Round, said: _Said) -> None:
+        """Makes sure that there is a map, and hands it to all workers as a file that nobody else writes to."""
+        cache = flags.cache(read_splats(self.scene))
+        made = whole_map(cache)
+        del cache  # and the scan with it, which each of the workers is about to hold
+        folder = ScratchFolder()
+        try:
+            file = folder.path / "map"
+            write_map(file, made)
+            work.run({**first, "map": str(file), "key": made.key}, self.workers, to_find, said)
+        finally:
+            folder.remove()
+
+
+@dataclass
+class _Said:
+    """What the workers told of the scan."""
+
+    dropped: int = 0
+
+
+@dataclass(frozen=True)
+class _Round:
+    """Jobs of one kind over a pool of workers. `mark`: failed ones are to be searched for later."""
+
+    queries: Sequence[Query]
+    store: ResultStore
+    mark: bool = False
+
+    def run(self, first: dict[str, Any], workers: int, indices: Sequence[int], said: _Said) -> None:
+        jobs = [(i, self._job(self.queries[i])) for i in indices]
+        label = "Finding" if "map" in first else "Refining"
+        with Pool(first, workers) as pool, ProgressBar(label) as bar:
+
+            def started(left_out: int) -> None:
+                said.dropped = left_out
+                self._show(bar)
+
+            for index, record in pool.run(jobs, self._lost, started):
+                self.store.put(index, self._final(index, record))
+                self._show(bar)
+
+    def _job(self, query: Query) -> dict[str, Any]:
+        mask = str(query.mask) if query.mask else None
+        return {"camera": wanted_to_dict(query.camera), "photo": str(query.photo), "mask": mask}
+
+    def _lost(self, index: int, words: str) -> dict[str, Any]:
+        return error_to_dict(self.queries[index].camera, f"The worker process ended on this photo ({words}).")
+
+    def _final(self, index: int, record: dict[str, Any]) -> dict[str, Any]:
+        """The record as it is kept: marked, or joined with the one that was."""
+        if self.mark:
+            failed = record["verdict"] == "failed" and "error" not in record
+            return {**record, TO_FIND: True} if failed else record
+        before = self.store.records.get(index)
+        if before is None:
+            return record
+        return joined({name: value for name, value in before.items() if name not in (TO_FIND, "key")}, record)
+
+    def _show(self, bar: ProgressBar) -> None:
+        done = [record for record in self.store.records.values() if TO_FIND not in record]
+        failed = sum(record["verdict"] == "failed" for record in done)
+        later = len(self.store.records) - len(done)
+        text = f"{len(done)} of {len(self.queries)}, {failed} failed" + (f", {later} to be found" if later else "")
+        bar.show(len(done) / len(self.queries), text)
