@@ -16,21 +16,20 @@ from ...core.locate import (
     FindProgress,
     FindReport,
     LandmarkMap,
+    MapCache,
+    MapPlace,
     MapSettings,
     MapStep,
     MapView,
     PhotoLens,
     build_map,
     iterate_finding,
-    map_key,
-    scan_digest,
 )
 from ...core.pose.report import RefineReport
 from ...core.splats.scene import GaussianScene
 from ..jobs.worker import RefineInputs, refinement
 from ..splat.renderer import SplatRenderer
 from ..support.texts import n_
-from .place import MapPlace
 
 NEAR_STEP = n_("looking from where the camera stands")
 KNOWN_STEP = n_("looking from solved cameras")
@@ -56,38 +55,33 @@ class GrowingMap:
 
     def __init__(self, scene: GaussianScene, wanted: MapWanted) -> None:
         """Reads what is kept."""
-        self._scene, self._wanted = scene, wanted
-        key = map_key(scan_digest(scene), wanted.settings)
-        self.made = wanted.place.read(key) or LandmarkMap(key)
-        self._kept = self.made
-        self._building: Iterator[MapStep] | None = None
+        self._cache = MapCache(scene, wanted.place, wanted.settings)
+        self.made = self._cache.read()
+        self._kept = len(self.made)
+        self._making: Iterator[MapStep] | None = None
 
     def steps(self) -> Iterator[MapStep]:
-        """The map in growing parts, for one photo; its last step is all there is to be had."""
+        """The map in growing parts, for one photo; its last step is all there is to be had. The next photo's go on from it."""
         whole = self.made
-        for size in range(1, len(whole)):
-            yield MapStep(LandmarkMap(whole.key, whole.views[:size]), MAP_STEP, 0.0)
-        if len(whole):
-            yield MapStep(whole, MAP_STEP, 1.0)
+        for size in range(1, len(whole) + 1):
+            yield MapStep(LandmarkMap(whole.key, whole.views[:size]), MAP_STEP, float(size == len(whole)))
         while not self.made.complete:
             step = self._next()
-            if len(step.map) >= len(self.made) or step.map.complete:
+            if len(step.map) > len(self.made) or (step.map.complete and step.fraction >= 1):
                 self.made = step.map
             yield replace(step, map=self.made)
 
     def keep(self) -> None:
-        """Writes the map where it is more than what is kept already."""
-        if len(self.made) > len(self._kept) or self.made.complete > self._kept.complete:
-            self._wanted.place.write(self.made)
-            self._kept = self.made
+        """Writes the map where it is more than what is kept already; whether it is whole only its maker knows."""
+        if len(self.made) > self._kept:
+            self._cache.keep(replace(self.made, complete=False))
+            self._kept = len(self.made)
 
     def _next(self) -> MapStep:
-        """The maker's next step. It begins anew where an earlier session stopped, and makes the same views again: the same
-        seed draws the same.
-        """
-        if self._building is None:
-            self._building = build_map(self._scene, self._wanted.settings, key=self.made.key)
-        step = next(self._building, None)
+        """The maker's next step, of the one that works for all photos."""
+        if self._making is None:
+            self._making = self._cache.steps()
+        step = next(self._making, None)
         return step or MapStep(replace(self.made, complete=True), MAP_STEP, 1.0)
 
 

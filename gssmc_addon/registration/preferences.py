@@ -24,7 +24,7 @@ PRESET_ITEMS = (
     ("cambridge", "Cambridge", "The paper's settings for outdoors; the scan's unit must be the metre"),
 )
 MAP_PLACES = (
-    ("FOLDER", "The Extension's Folder", "In the user's own folder of this extension"),
+    ("CACHE", "Cache Folder", "In the user's folder for files that can be made again"),
     ("SCAN", "Beside the Scan", "In the folder of the scan's file, where other machines find them too"),
 )
 _log_trouble = [""]  # what is wrong with the log file

@@ -18,13 +18,13 @@ MODULE = "bl_ext.user_default.gssmc"
 def own_preferences(bpy, extension):
     """No map from the test before, and none that stays."""
     yield
-    bpy.context.preferences.addons[MODULE].preferences.map_place = "FOLDER"
+    bpy.context.preferences.addons[MODULE].preferences.map_place = "CACHE"
     for path in maps(extension):
         path.unlink()
 
 
 def maps(extension):
-    return sorted(extension("gssmc_addon.find.place").map_folder().glob("*.gssmc-map"))
+    return sorted(extension("core.locate.cache").user_cache_folder().glob("*.gssmc-map"))
 
 
 def away(scene):
@@ -70,11 +70,10 @@ def whole_map():
 @pytest.fixture
 def mapped(lost, extension, whole_map):
     """As `lost`, with the room's map there already."""
-    core, place = extension("core.locate"), extension("gssmc_addon.find.place").place_of(lost.gssmc.splat)
+    cache = cache_of(extension, lost)
     if not whole_map:
-        gaussians = extension("gssmc_addon.splat.copy").read_splat(lost.gssmc.splat)
-        whole_map["map"] = list(core.build_map(gaussians, core.MapSettings(views=VIEWS)))[-1].map
-    place.write(whole_map["map"])
+        whole_map["map"] = list(cache.steps())[-1].map
+    cache.keep(whole_map["map"])
     return lost
 
 
@@ -176,11 +175,9 @@ def test_esc_in_the_map_leaves_the_camera_and_keeps_the_views(bpy, lost, extensi
     assert lost.camera.data.gssmc.verdict == "NONE"
     assert job.join(60)
     assert len(maps(extension)) == 1
-    core = extension("core.locate")
     made = kept_map(extension, lost)
     assert 2 <= len(made) < 400
     assert not made.complete
-    assert isinstance(made, core.LandmarkMap)
 
 
 def blank(scene, extension):
@@ -195,24 +192,27 @@ def blank(scene, extension):
 
 
 def kept_map(extension, scene):
-    """The map that is kept of the scene's splat, read as Find Camera does."""
-    core, place = extension("core.locate"), extension("gssmc_addon.find.place")
+    """The map that is kept of the scene's splat."""
+    return cache_of(extension, scene).read()
+
+
+def cache_of(extension, scene):
+    core, place = extension("core.locate"), extension("gssmc_addon.find.place").place_of(scene.gssmc.splat)
     gaussians = extension("gssmc_addon.splat.copy").read_splat(scene.gssmc.splat)
-    settings = core.MapSettings(views=scene.gssmc.map_views)
-    return place.place_of(scene.gssmc.splat).read(core.map_key(core.scan_digest(gaussians), settings))
+    return core.MapCache(gaussians, place, core.MapSettings(views=scene.gssmc.map_views))
 
 
 def test_a_damaged_map_beside_the_scan_is_made_again_and_cleared(bpy, mapped, place, extension):
     bpy.context.preferences.addons[MODULE].preferences.map_place = "SCAN"
     (whole,) = maps(extension)
-    beside = place[0].scene.with_name(whole.name)
+    beside = place[0].scene.with_name("room.ply.gssmc-map")
     beside.write_bytes(whole.read_bytes()[:1000])
     whole.unlink()
-    assert kept_map(extension, mapped) is None
+    assert len(kept_map(extension, mapped)) == 0
     assert bpy.ops.gssmc.find_camera(**rooms.QUICK) == {"FINISHED"}
     assert is_home(extension, mapped, mapped.camera, place[1][0])
     assert maps(extension) == []
-    assert kept_map(extension, mapped) is not None
+    assert len(kept_map(extension, mapped)) > 0
     assert bpy.ops.gssmc.clear_maps() == {"FINISHED"}
     assert not beside.exists()
     assert place[0].scene.exists()
