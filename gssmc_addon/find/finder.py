@@ -106,6 +106,11 @@ class Finder:
         """How many solved cameras are looked from."""
         return len(self._known)
 
+    @property
+    def views_before(self) -> int:
+        """Views that the present photo is looked for in before those of the map: its camera's own, and solved cameras'."""
+        return self._nearby
+
     def know(self, uid: int, camera: Camera) -> None:
         """Takes in a solved camera, by the id of its object; any thread, between two photos."""
         self._known[uid] = camera

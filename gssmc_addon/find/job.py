@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from functools import partial
 
@@ -21,9 +22,10 @@ from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support.texts import iface_, n_, rpt_
-from .finder import BEFORE_MAP, Finder, MapWanted, Where, as_refined, known_of
+from .finder import BEFORE_MAP, MAP_STEP, Finder, MapWanted, Where, as_refined, known_of
 from .place import place_of
 
+SEEN_VIEWS, SHORT_S = 3, 100  # views that must have been seen made to tell the time; a longer one is told in minutes
 REFINING = 0.5  # share of the progress after which a candidate is refined
 
 
@@ -52,8 +54,7 @@ class Told:
 
     def __init__(self, finder: Finder) -> None:
         self._finder = finder
-        self._began: tuple[float, float] | None = None  # when the map was first seen growing, and how far it was then
-        self._views = 0
+        self._views: list[tuple[float, int]] = []  # when the map was seen to have so many views; of one photo
 
     def __call__(self, news: FindProgress) -> tuple[float, str, str]:
         step = iface_(news.step)
@@ -63,20 +64,26 @@ class Told:
             said = iface_("Iteration {number} of {count}", number=max(now.iteration, 1), count=now.iterations)
             return news.fraction, step, said
         if news.step in BEFORE_MAP:
+            self._views = []
             return 0.0, step, ""
-        return REFINING * news.fraction, step, self._map_detail(news)
+        fraction = 0.0 if news.step == MAP_STEP else REFINING * news.fraction  # what is there already costs no time
+        return fraction, step, self._map_detail(max(0, news.views - self._finder.views_before))
 
-    def _map_detail(self, news: FindProgress) -> str:
+    def _map_detail(self, views: int) -> str:
         """Views of the map so far, and how long all of them would take: a photo that is found needs no more."""
         now = time.perf_counter()
-        if self._began is None or news.fraction < self._began[1]:
-            self._began = now, news.fraction
-        done, left = news.fraction - self._began[1], 1 - news.fraction
-        values = {"views": news.views, "count": max(news.views, self._finder.wanted_views)}
-        if news.views == 0 or done <= 0:
+        if not self._views or views > self._views[-1][1]:
+            self._views.append((now, views))
+        values = {"views": views, "count": max(views, self._finder.wanted_views)}
+        drawn = [seen for seen in self._views if seen[1] > self._views[0][1]]
+        if views == 0 or len(drawn) < SEEN_VIEWS:
             return iface_("Map of the scan: view {views} of {count}", **values)
-        seconds = left * (now - self._began[0]) / done
-        return iface_("Map of the scan: view {views} of {count}, at most {seconds:.0f} s to go", seconds=seconds, **values)
+        (began, first), (last, _) = drawn[0], drawn[-1]
+        seconds = (values["count"] - views) * (last - began) / (views - first)
+        if seconds < SHORT_S:
+            return iface_("Map of the scan: view {views} of {count}, at most {seconds:.0f} s to go", seconds=seconds, **values)
+        minutes = math.ceil(seconds / 60)
+        return iface_("Map of the scan: view {views} of {count}, at most {minutes} min to go", minutes=minutes, **values)
 
 
 def gather(

@@ -238,5 +238,5 @@ def test_the_values_are_folded_below_the_quality(bpy, extension):
     assert panel.bl_parent_id == "GSSMC_PT_quality"
     assert panel.bl_options == {"DEFAULT_CLOSED"}
     drawn = [line[1][1] for line in lines(bpy, extension, 280, "GSSMC_PT_settings")]
-    assert len(drawn) == 15
+    assert len(drawn) == 16
     assert drawn[-1] == "gssmc.reset_settings"
