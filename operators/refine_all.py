@@ -16,19 +16,18 @@ from ..gssmc_addon.support.operator_parts import NeedsPhoto
 from ..gssmc_addon.support.texts import rpt_, tip_
 
 
-class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
-    """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
+class OfList(NeedsPhoto, JobOperator):
+    """What Refine All and Find All share."""
 
-    bl_idname = "gssmc.refine_all"
-    bl_label = "Refine All"
-    bl_options = {"UNDO"}
+    find = False
 
     __annotations__ = {
         "which": EnumProperty(name="Which", items=photo_queue.WHICH, default="ALL", description="Which photos are refined"),
         "again": BoolProperty(
             name="Try Again",
             default=True,
-            description="Photos of which no camera was found are tried again from those of solved photos, up to four",
+            description="Photos of which no camera was found are tried again: from the cameras of solved photos, up to four, "
+            "and in the whole scan",
         ),
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
@@ -49,7 +48,8 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
     def make_job(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
         context.view_layer.update()  # Scripts set locations and expect them to be used.
         scene = context.scene
-        job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)
+        settings = settings_props.settings_from(scene.gssmc, self.properties)
+        job = photo_queue.queue(scene, self.which, settings, photo_queue.QueueOptions(self.find, self.again))
         problem.begin(self.bl_label)
         return job
 
@@ -73,4 +73,26 @@ class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
         return {"FINISHED" if job.refined else "CANCELLED"}
 
 
-classes = (GSSMC_OT_refine_all,)
+class GSSMC_OT_refine_all(OfList, bpy.types.Operator):
+    """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
+
+    bl_idname = "gssmc.refine_all"
+    bl_label = "Refine All"
+    bl_options = {"UNDO"}
+
+    __annotations__ = OfList.__annotations__
+
+
+class GSSMC_OT_find_all(OfList, bpy.types.Operator):
+    """Find the exact cameras of the list's photos, one after the other, wherever the cameras stand now. Solved photos help to
+    find the others"""
+
+    bl_idname = "gssmc.find_all"
+    bl_label = "Find All"
+    bl_options = {"UNDO"}
+
+    __annotations__ = OfList.__annotations__
+    find = True
+
+
+classes = (GSSMC_OT_refine_all, GSSMC_OT_find_all)

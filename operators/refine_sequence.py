@@ -55,7 +55,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         for name in ("start", "end", "step"):
             column.prop(self, name)
         column = self.layout.column()
-        for name in ("smooth_frames", "every_frame", "key_lens"):
+        for name in ("smooth_frames", "every_frame", "find_start", "key_lens"):
             column.prop(self, name)
 
     def make_job(self, context: bpy.types.Context) -> SequenceJob:

@@ -96,10 +96,13 @@ def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     column = layout.column(align=True)
     row = column.row(align=True)
     row.scale_y, row.enabled = 1.25, left > 0
+    row.operator("gssmc.find_all", text=iface_("Find Open ({count})", count=left), icon="VIEWZOOM").which = "OPEN"
     row.operator("gssmc.refine_all", text=iface_("Refine Open ({count})", count=left), icon="CAMERA_DATA").which = "OPEN"
-    row = column.row(align=True)
-    row.operator("gssmc.refine_all", text="Ticked").which = "TICKED"
-    row.operator("gssmc.refine_all", text="All").which = "ALL"
+    for name, title in (("find_all", iface_("Find")), ("refine_all", iface_("Refine"))):
+        row = column.row(align=True)
+        row.label(text=title)
+        row.operator(f"gssmc.{name}", text="Ticked").which = "TICKED"
+        row.operator(f"gssmc.{name}", text="All").which = "ALL"
 
 
 def _draw_said(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

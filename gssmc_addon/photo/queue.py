@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import Enum
 from functools import partial
 from pathlib import Path
 
 import bpy
 
 from ...core.errors import RefineError
+from ...core.locate import FindProgress, FindReport
 from ...core.photos.photo import Photo, read_photo
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
+from ..find import job as find_job
 from ..jobs.machine import QueueJob
 from ..jobs.retries import RetryQueue
 from ..jobs.worker import RefineInputs, Steps, refinement
@@ -116,9 +119,27 @@ class AddPhotosJob(QueueJob):
         return " ".join(sentences)
 
 
+class Scan(Enum):
+    """The start of a try that needs none."""
+
+    AGAIN = "again"
+
+
+Start = neighbours.Neighbour | Scan | None  # of a try; None: the photo's own camera
+
+
+@dataclass(frozen=True)
+class QueueOptions:
+    """`find`: in the whole scan, not from where the cameras stand; `again`: what was not found is tried again."""
+
+    find: bool = False
+    again: bool = True
+
+
 class RefineQueue(RetryQueue):
-    """Refines the cameras of the list one after the other against one renderer; each is written when it is done. Photos
-    of which no camera was found are tried again from the cameras of solved ones, if `again`.
+    """Refines the cameras of the list one after the other against one renderer, or finds them in the whole scan if `find`;
+    each is written when it is done. Photos of which no camera was found are tried again if `again`: from the cameras of solved
+    ones, and in the whole scan with solved ones as views of its map.
 
     Its result is the job itself: `verdicts` counts them, and `failed` holds (camera, why) of those that could not begin.
     """
@@ -126,7 +147,7 @@ class RefineQueue(RetryQueue):
     status = n_("Refining the photos    Esc: stop")
 
     def __init__(
-        self, scene: bpy.types.Scene, entries: Sequence[GssmcPhoto], settings: RefineSettings, again: bool = True
+        self, scene: bpy.types.Scene, entries: Sequence[GssmcPhoto], settings: RefineSettings, options: QueueOptions
     ) -> None:
         copying = SplatCopying(scene.gssmc.splat)
         super().__init__(len(entries), copying)
@@ -134,10 +155,13 @@ class RefineQueue(RetryQueue):
         self.failed: list[tuple[str, str]] = []
         self.found_again: list[str] = []  # Names of the cameras that were found in the second pass.
         self._verdict_of: dict[int, str] = {}
-        self._tries_again = again
+        self.options = options
+        self._known_before: dict[int, int] = {}  # solved cameras that the item was found with, or without success
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._cameras = [(entry.camera.session_uid, entry.camera.name) for entry in entries]
-        self._renderer = SplatRenderer(copying, settings.threads)
+        self._renderer = SplatRenderer(copying, settings.threads, keeps=options.find or options.again)
+        self._finder = find_job.finder_of(scene, scene.gssmc.splat, self._renderer)
+        self._told = find_job.Told(self._finder)
         self._targets: dict[int, refine_job.Targets] = {}  # The targets of the items that could be started.
         self._tried = 0  # How many starts the present photo of the second pass has.
 
@@ -151,13 +175,18 @@ class RefineQueue(RetryQueue):
                 rpt_("The splat or its scene was removed while photos were refined; those done before keep their result.")
             )
 
-    def begin_try(self, item: int, start: neighbours.Neighbour | None) -> Callable[[], Steps]:
+    def begin_try(self, item: int, start: Start) -> Callable[[], Steps]:
         name = self._cameras[item][1]
         number, count = self.place
         self.step, self.detail = name, iface_("Photo {number} of {count}", number=number, count=count)
-        if start:
+        if start is Scan.AGAIN:
+            self.detail = iface_("Again, {number} of {count}: in the whole scan", number=number, count=count)
+        elif start:
             self.detail = iface_('Again, {number} of {count}: from "{name}"', number=number, count=count, name=start.name)
         inputs = self._inputs_of(item)
+        if start is Scan.AGAIN or (start is None and self.options.find):
+            self._known_before[item] = self._finder.known
+            return partial(self._finder.finding, inputs, self._cameras[item][0])
         if start:
             inputs = replace(inputs, camera=replace(inputs.camera, pose=start.pose))
         return partial(refinement, inputs)
@@ -175,37 +204,55 @@ class RefineQueue(RetryQueue):
             photo.buffers_free()  # Blender decodes OpenEXR and would keep the pixels of every photo.
         return job.inputs
 
-    def on_progress(self, news: RefineProgress) -> None:
-        self.fraction = self.progress(news.fraction)
+    def on_progress(self, news: RefineProgress | FindProgress) -> None:
+        fraction = news.fraction
+        if isinstance(news, FindProgress):
+            fraction = self._told(news)[0]
+        self.fraction = self.progress(fraction)
 
-    def end_try(self, item: int, start: neighbours.Neighbour | None, report: RefineReport) -> bool:
+    def end_try(self, item: int, start: Start, report: RefineReport | FindReport) -> bool:
         """A try of the second pass is written only when it is better than what there is."""
-        before = self._verdict_of.get(item, "")
+        before, how = self._verdict_of.get(item, ""), ""
+        if isinstance(report, FindReport):
+            how = find_job.how_found(self._finder, report)
+        elif start:
+            how = rpt_('Found from the camera of "{name}".', name=start.name)
         if start is None or RANK[report.verdict] > RANK[before]:
-            refine_job.apply_report(self._targets[item], report)
+            if isinstance(report, FindReport):
+                find_job.apply_report(self._targets[item], report)
+            else:
+                refine_job.apply_report(self._targets[item], report)
             self._verdict_of[item] = report.verdict
-            self._write_line(item, note=rpt_('Found from the camera of "{name}".', name=start.name) if start else "")
+            self._write_line(item, note=how)
+            if report.verdict == "trusted" and report.camera is not None:
+                self._finder.know(self._cameras[item][0], report.camera)
         if start and before == "failed" != report.verdict:
             self.found_again.append(self._cameras[item][1])
         return report.verdict == "trusted" or (start is None and report.verdict == "check")
 
-    def fail_try(self, item: int, start: neighbours.Neighbour | None, message: str) -> None:
+    def fail_try(self, item: int, start: Start, message: str) -> None:
         """In the second pass the photo keeps its verdict, and the line says what happened."""
         if start is None:
             self.failed.append((self._cameras[item][1], message))
         self._write_line(item, error=message)
 
-    def other_starts(self, item: int) -> Sequence[neighbours.Neighbour]:
+    def other_starts(self, item: int) -> Sequence[Start]:
+        if not self.options.again:
+            return []
+        if self.options.find:  # Nothing is new unless photos were solved since.
+            return [Scan.AGAIN] if self._finder.known > self._known_before.get(item, 0) else []
         scene, camera = by_uid(bpy.data.scenes, self._scene), self._cameras[item][0]
-        found = neighbours.starts(scene, by_uid(scene.objects, self._splat), camera) if self._tries_again else []
+        found = neighbours.starts(scene, by_uid(scene.objects, self._splat), camera)
         self._tried = len(found)
-        return found
+        return [*found, Scan.AGAIN]
 
     def gave_up(self, item: int) -> None:
         if self._verdict_of[item] == "failed":
-            tried = rpt_("Tried again from the cameras of {count} solved photos, without success.", count=self._tried)
-            if self._tried == 1:
-                tried = rpt_("Tried again from the camera of 1 solved photo, without success.")
+            tried = rpt_("Tried again from the cameras of {count} solved photos and in the whole scan.", count=self._tried)
+            if self._tried == 0 or self.options.find:
+                tried = rpt_("Tried again in the whole scan, without success.")
+            elif self._tried == 1:
+                tried = rpt_("Tried again from the camera of 1 solved photo and in the whole scan.")
             self._write_line(item, note=tried)
 
     def result(self) -> RefineQueue:
@@ -233,9 +280,9 @@ class RefineQueue(RetryQueue):
         if self.items == 1:
             said = [rpt_("{done} of 1 photo: {results}.", **values)]
         if len(self.found_again) == 1:
-            said.append(rpt_("1 photo was found from a solved one's camera."))
+            said.append(rpt_("1 photo was found by trying again."))
         elif self.found_again:
-            said.append(rpt_("{count} photos were found from a solved one's camera.", count=len(self.found_again)))
+            said.append(rpt_("{count} photos were found by trying again.", count=len(self.found_again)))
         return " ".join([*said, *[message for _, message in self.failed[:1]]])
 
     def _write_line(self, item: int, error: str = "", note: str = "") -> None:
@@ -273,8 +320,8 @@ def entries_to_refine(scene: bpy.types.Scene, which: str) -> list[GssmcPhoto]:
     return found
 
 
-def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings, again: bool = True) -> RefineQueue:
+def queue(scene: bpy.types.Scene, which: str, settings: RefineSettings, options: QueueOptions | None = None) -> RefineQueue:
     """The queue of the list's photos. Raises GssmcError when there is no splat or nothing to refine."""
     entries = entries_to_refine(scene, which)
     splat_object.picked(scene, scene.gssmc.splat)
-    return RefineQueue(scene, entries, settings, again)
+    return RefineQueue(scene, entries, settings, options or QueueOptions())

@@ -17,6 +17,7 @@ from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.sequence import FramePose
 from ...core.pose.settings import RefineSettings
 from ..camera import bridge as camera_bridge
+from ..find import job as find_job
 from ..jobs.retries import RetryQueue
 from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import mask as mask_source
@@ -56,10 +57,12 @@ class SequenceJob(RetryQueue):
         self.reports: dict[int, RefineReport] = {}
         self.bad: dict[int, str] = {}
         self._started: dict[int, int | None] = {}  # The frame whose camera was the start of a frame's first try.
+        self._sought = False  # Whether a frame was looked for in the whole scan.
         self._uids = scene.session_uid, splat.session_uid, camera.session_uid
         self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
-        self._renderer = SplatRenderer(copying, settings.threads)
+        self._renderer = SplatRenderer(copying, settings.threads, keeps=options.find_start)
+        self._finder = find_job.finder_of(scene, splat, self._renderer)
 
     def find(self) -> tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Object]:
         """The live scene, splat and camera. Raises RefineError when something is gone."""
@@ -86,7 +89,11 @@ class SequenceJob(RetryQueue):
         self._started.setdefault(frame, near)
         camera = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
         source = mask_source.masked(self._plate.frame_at(frame), self._mask)
-        return partial(refinement, RefineInputs(self._renderer, source, camera, self.settings))
+        inputs = RefineInputs(self._renderer, source, camera, self.settings)
+        if near is None and self.options.find_start and not self._sought:
+            self._sought = True  # It takes long, and where one frame cannot be found, no other of the shot can.
+            return partial(self._finder.found_if_failed, inputs)
+        return partial(refinement, inputs)
 
     def on_progress(self, news: RefineProgress) -> None:
         self.fraction = self.progress(news.fraction)

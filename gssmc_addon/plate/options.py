@@ -16,7 +16,9 @@ from . import source as plate_source
 
 @dataclass(frozen=True)
 class SequenceOptions:
-    """Frames of the scene from `start` to `end` by `step`; `smooth_frames`: shorter wiggles are taken out."""
+    """Frames of the scene from `start` to `end` by `step`; `smooth_frames`: shorter wiggles are taken out; `find_start`: where
+    the first frame fails from where the camera stands, it is found in the whole scan.
+    """
 
     start: int
     end: int
@@ -24,6 +26,7 @@ class SequenceOptions:
     smooth_frames: float
     every_frame: bool
     key_lens: bool
+    find_start: bool = True
 
 
 def plate_annotations() -> dict[str, object]:
@@ -43,6 +46,12 @@ def plate_annotations() -> dict[str, object]:
         "every_frame": BoolProperty(
             name="Key Every Frame",
             description="Also key the frames in between, on a smooth path. Off, Blender's curves do, which ease in and out",
+            default=True,
+        ),
+        "find_start": BoolProperty(
+            name="Find the First Frame",
+            description="Where no camera is found at the current frame from where the camera stands, look for it in the whole "
+            "scan, as Find Camera does",
             default=True,
         ),
         "key_lens": BoolProperty(
@@ -69,7 +78,9 @@ def options_of(operator: bpy.types.Operator, scene: bpy.types.Scene) -> Sequence
     low, high = shared_range(scene)
     start = operator.start if operator.properties.is_property_set("start") else low
     end = operator.end if operator.properties.is_property_set("end") else high
-    return SequenceOptions(start, end, operator.step, operator.smooth_frames, operator.every_frame, operator.key_lens)
+    return SequenceOptions(
+        start, end, operator.step, operator.smooth_frames, operator.every_frame, operator.key_lens, operator.find_start
+    )
 
 
 def _camera_of(scene: bpy.types.Scene) -> bpy.types.Object:

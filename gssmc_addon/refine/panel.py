@@ -78,15 +78,18 @@ def _draw_camera(layout: bpy.types.UILayout, context: bpy.types.Context, camera:
 
 
 def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
-    """The button, or the progress in its place, and the box below, as high before and while a camera is refined as after."""
+    """The buttons, or the progress in their place, and the box below, as high before and while a camera is refined as after."""
     job = slot.active()
-    column = _step(layout, "4  Refine", camera is not None and camera_solution.verdict(context.scene, camera) == "TRUSTED")
+    column = _step(
+        layout, "4  Find or Refine", camera is not None and camera_solution.verdict(context.scene, camera) == "TRUSTED"
+    )
     row = column.row(align=True)
     row.scale_y = 1.5
     if job:
         row.progress(factor=job.fraction, text=job.step)
         row.operator("gssmc.cancel", text="", icon="X")
     else:
+        row.operator("gssmc.find_camera", icon="VIEWZOOM")
         row.operator("gssmc.refine", icon="CAMERA_DATA")
     _draw_outcome(layout.box(), context, camera)
 
@@ -129,7 +132,7 @@ def _outcome(props: camera_props.GssmcCamera | None, message: str) -> tuple[list
     elif props.verdict == "NONE":
         titles, texts = (
             [iface_("Not refined yet")],
-            [iface_("Bring the camera to about where the photo was taken, then refine.")],
+            [iface_("Find Camera looks for it in the scan; Refine Camera starts from where the camera stands.")],
         )
     else:
         titles = [camera_props.verdict_title(props), iface_(camera_props.VERDICT_NAMES[props.verdict])]
@@ -206,6 +209,7 @@ class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
             column.prop(context.scene.gssmc, name)
             if name in settings_props.CHOICES:
                 _draw_missing_model(column, context, getattr(context.scene.gssmc, name))
+        column.prop(context.scene.gssmc, settings_props.MAP_VIEWS)
         self.layout.operator("gssmc.reset_settings", icon="LOOP_BACK")
 
 

@@ -24,6 +24,10 @@ PRESET_ITEMS = (
     ("7scenes", "7-Scenes", "The paper's settings for rooms; the scan's unit must be the metre"),
     ("cambridge", "Cambridge", "The paper's settings for outdoors; the scan's unit must be the metre"),
 )
+MAP_PLACES = (
+    ("CACHE", "Cache Folder", "In the user's folder for files that can be made again"),
+    ("SCAN", "Beside the Scan", "In the folder of the scan's file, where other machines find them too"),
+)
 _log_trouble = [""]  # Says what is wrong with the log file; empty when nothing is.
 
 
@@ -49,6 +53,12 @@ def preset(context: bpy.types.Context) -> str:
     """The preset that new scenes begin with; "NONE" for the standard settings."""
     own = of(context)
     return own.default_preset if own else "NONE"
+
+
+def maps_beside_scans(context: bpy.types.Context) -> bool:
+    """Whether maps of scans are to lie beside them."""
+    own = of(context)
+    return own is not None and own.map_place == "SCAN"
 
 
 def model_folder(create: bool = False) -> Path:
@@ -103,6 +113,11 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
         "default_preset": EnumProperty(
             name="Default Preset", items=PRESET_ITEMS, description="Settings of a scene when it gets its first splat"
         ),
+        "map_place": EnumProperty(
+            name="Maps",
+            items=MAP_PLACES,
+            description="Where Find Camera keeps the maps of scans, so that only the first photo of a scan waits for one",
+        ),
         "log_file": StringProperty(
             name="Log File",
             subtype="FILE_PATH",
@@ -130,6 +145,9 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
             column.prop(self, name)
         if _log_trouble[0] and self.log_file:
             column.label(text=_log_trouble[0], icon="ERROR")
+        row = column.row(align=True)
+        row.prop(self, "map_place")
+        row.operator("gssmc.clear_maps", text="Clear", icon="TRASH")
         column.operator("gssmc.report_problem", icon="COPYDOWN")
         layout.label(text="SIFT, AKAZE and ORB need nothing. Learned features need a model file each:")
         for name in LEARNED:

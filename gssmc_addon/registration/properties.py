@@ -17,7 +17,7 @@ from ..photo import list as photo_list
 from ..photo.entry import GssmcPhoto
 from ..preview import state as preview_state
 from ..splat import object as splat_object
-from . import preferences
+from . import preferences, settings
 from .camera_props import GssmcCamera
 from .settings import MODEL_OF, quality_annotation, settings_annotations
 
@@ -54,6 +54,7 @@ class GssmcScene(bpy.types.PropertyGroup):
         "photos": CollectionProperty(type=GssmcPhoto),
         "photo_index": IntProperty(name="Photo", description="The selected photo of the list", min=0, update=_photo_clicked),
         "quality": quality_annotation(),
+        "map_views": settings.map_views_annotation(),
         **settings_annotations(),
     }
 

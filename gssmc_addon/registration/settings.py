@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
+from ...core.locate import MapSettings
 from ...core.pose.presets import QUALITIES
 from ...core.pose.settings import RefineSettings
 from ...core.support.options import Option, options_of
@@ -26,6 +27,7 @@ TITLES = {  # Short titles for fields whose own name does not fit into the sideb
     "perturb_translation_units": "Shift (units)",
     "perturb_rotation_deg": "Turn (deg)",
 }
+MAP_VIEWS = "map_views"  # It belongs to Find Camera and is not part of a quality.
 LENS = "lens"  # It is shown in the Lens panel and is not part of a quality.
 MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # Maps a model file's field to the choice that it belongs to.
 QUALITY_ITEMS = (
@@ -87,11 +89,27 @@ def _set_quality(owner: bpy.types.bpy_struct, number: int) -> None:
             setattr(owner, name, value)
 
 
+def map_views_annotation() -> object:
+    """How many views the map of a scan has at most."""
+    low, high = MapSettings.__dataclass_fields__["views"].metadata["range"]
+    return IntProperty(
+        name="Map Views",
+        description="Views of the scan that the map of Find Camera has at most. More find photos of more places, and take "
+        "longer; only as many are made as the photo needs",
+        default=MapSettings().views,
+        min=low,
+        max=high,
+        soft_min=10,
+        soft_max=400,
+    )
+
+
 def reset(owner: bpy.types.bpy_struct) -> None:
     """Gives all settings, but for the lens, which has a panel of its own, the engine's defaults."""
     for name in settings_annotations():
         if name != LENS:
             owner.property_unset(name)
+    owner.property_unset(MAP_VIEWS)
 
 
 def settings_annotations() -> dict[str, object]:

@@ -73,6 +73,7 @@ class SplatImport(Job):
             raise Cancelled(n_("The import was cancelled; nothing was changed."))
         obj, scene = self._building.finish(context, self._look), self._building.scene
         self._building = None
+        obj.gssmc.file = str(self._path)
         return obj, scene
 
     def cancel(self) -> None:

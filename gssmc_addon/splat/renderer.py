@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 from ...core.render import ProcessRenderer, Renderer, RenderSettings
+from ...core.splats.scene import GaussianScene
 from .copy import SplatCopying
 
 
@@ -14,11 +15,13 @@ class SplatRenderer:
 
     `threads`, 0 = one per core: of a refinement, which draws its views side by side in processes of their own (and leaves
     Blender its interpreter), or of a `single` view at a time, whose rendering can be stopped.
+    `keeps`: the Gaussians stay in `scene`.
     """
 
-    def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False) -> None:
-        self._copying = copying  # It is empty once the renderer is made.
-        self._threads, self._single = threads, single
+    def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False, keeps: bool = False) -> None:
+        self._copying: SplatCopying | None = copying  # None once the renderer is made.
+        self._threads, self._single, self._keeps = threads, single, keeps
+        self.scene: GaussianScene | None = None  # Set once the renderer is made.
         self._renderer: Renderer | ProcessRenderer | None = None
         self._processes: ProcessRenderer | None = None  # The renderer, if it is one that draws in processes.
         self._closed = False
@@ -27,9 +30,11 @@ class SplatRenderer:
     def get(self) -> Renderer | ProcessRenderer:
         """The renderer. Raises SplatFormatError, as `SplatCopy.assemble`. One thread at a time."""
         if self._renderer is None:
+            assert self._copying is not None, "it goes only when the renderer is made"
             scene = self._copying.copy().assemble()
             settings = RenderSettings.for_scene(scene, threads=self._threads)
             processes = None if self._single else ProcessRenderer(scene, settings, interactive=True)
+            self._copying, self.scene = None, scene if self._keeps else None
             with self._lock:
                 self._renderer, self._processes = processes or Renderer(scene, settings), processes
             if self._closed:

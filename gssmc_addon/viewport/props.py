@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..splat import object as splat_object
 from ..splat import up_axis
@@ -103,6 +103,12 @@ class GssmcObject(bpy.types.PropertyGroup):
             soft_max=10_000_000,
             step=10_000,
             update=_changed,
+        ),
+        "file": StringProperty(
+            name="File",
+            description="The scan's file that the object was imported from",
+            subtype="FILE_PATH",
+            options={"HIDDEN"},
         ),
         "up_axis": EnumProperty(
             name="Up Axis",

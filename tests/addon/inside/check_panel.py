@@ -168,12 +168,12 @@ def test_a_number_of_the_splat_has_a_line_of_its_own(bpy, scene, extension, monk
 
 def test_the_panel_tells_the_steps_in_their_order(bpy, scene, extension):
     headings = [part[1] for line in lines(bpy, extension, 280) for part in line[1:] if part[0] == "label"]
-    assert [text for text in headings if text[:1].isdigit()] == ["1  Splat", "2  Photo", "3  Camera", "4  Refine"]
+    assert [text for text in headings if text[:1].isdigit()] == ["1  Splat", "2  Photo", "3  Camera", "4  Find or Refine"]
 
 
 def test_the_steps_are_there_before_anything_else(bpy, extension):
     headings = [part[1] for line in lines(bpy, extension, 280) for part in line[1:] if part[0] == "label"]
-    assert [text for text in headings if text[:1].isdigit()] == ["1  Splat", "2  Photo", "3  Camera", "4  Refine"]
+    assert [text for text in headings if text[:1].isdigit()] == ["1  Splat", "2  Photo", "3  Camera", "4  Find or Refine"]
 
 
 def test_undo_takes_the_message_along(bpy, scene):
@@ -236,5 +236,5 @@ def test_the_values_are_folded_below_the_quality(bpy, extension):
     assert panel.bl_parent_id == "GSSMC_PT_quality"
     assert panel.bl_options == {"DEFAULT_CLOSED"}
     drawn = [line[1][1] for line in lines(bpy, extension, 280, "GSSMC_PT_settings")]
-    assert len(drawn) == 15
+    assert len(drawn) == 16
     assert drawn[-1] == "gssmc.reset_settings"

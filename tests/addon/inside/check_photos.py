@@ -262,14 +262,15 @@ def test_a_photo_of_another_place_is_tried_a_few_times_and_says_so(bpy, listed, 
     cv2.imwrite(other, noise)
     own.photos[0].camera.data.gssmc.photo.filepath = other
     before = matrices(listed)["p0"]
+    own.map_views = 4
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
     job = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings)
     seen = watched(job)
     assert job.verdicts == {"trusted": 2, "failed": 1}
     assert matrices(listed)["p0"] == before
-    assert own.photos[0].note == "Tried again from the cameras of 2 solved photos, without success."
+    assert own.photos[0].note == "Tried again from the cameras of 2 solved photos and in the whole scan."
     assert {detail.split(":")[0] for _, detail in seen if "Again" in detail} == {"Again, 1 of 1"}
-    assert {detail[-4:] for _, detail in seen if "Again" in detail} == {'"p1"', '"p2"'}
+    assert {detail[-4:] for _, detail in seen if "Again" in detail} == {'"p1"', '"p2"', "scan"}
     second = [fraction for fraction, detail in seen if "Again" in detail]
     assert second == sorted(second)
     assert 0 <= second[0] < 0.5 < second[-1] <= 1

@@ -16,7 +16,7 @@ GERMAN = {
     '"{photo}" ({x} x {y}) is set behind "{camera}".': 'Hinter "{camera}" steht "{photo}", {x} mal {y}.',
     "{verdict}: {count} iterations, {seconds:.1f} s": "{seconds:.0f} s, {count} Runden: {verdict}",
     "Check": "Prüfen",
-    "Bring the camera to about where the photo was taken, then refine.": "Kamera ungefähr hinstellen.",
+    "Find Camera looks for it in the scan; Refine Camera starts from where the camera stands.": "Kamera finden lassen.",
     "The work broke off ({kind}); the system console has the details.": "Abgebrochen: {kind}.",
     "Every Gaussian of the splat object holds a value that is not finite; import the file again.": "Nichts Endliches.",
     "Look through the camera of the next photo of the list": "Zum nächsten Foto",
@@ -57,7 +57,7 @@ def test_values_stand_where_the_language_wants_them(bpy, extension, scene, germa
 
 
 def test_a_hint_is_translated_before_it_is_wrapped(bpy, extension, scene, german):
-    assert "Kamera ungefähr hinstellen." in drawn(bpy, extension)
+    assert "Kamera finden lassen." in drawn(bpy, extension)
 
 
 def test_a_tooltip_is_translated(bpy, extension, german):
