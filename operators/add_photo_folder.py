@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..gssmc_addon.photo.queue import photos_in
+from ..gssmc_addon.photo.adding import photos_in
 from .add_photos import AddsPhotos
 
 

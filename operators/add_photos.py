@@ -9,8 +9,8 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..core.errors import RefineError
+from ..gssmc_addon.photo import adding
 from ..gssmc_addon.photo import list as photo_list
-from ..gssmc_addon.photo import queue as photo_queue
 from ..gssmc_addon.support.operator_parts import JobFromFile
 from ..gssmc_addon.support.session_ids import by_uid
 from ..gssmc_addon.support.texts import rpt_
@@ -23,7 +23,7 @@ class AddsPhotos(JobFromFile):
         "directory": StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}),
         "files": CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}),
         "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
-        "filter_glob": StringProperty(default=photo_queue.FILTER, options={"HIDDEN"}),
+        "filter_glob": StringProperty(default=adding.FILTER, options={"HIDDEN"}),
         "camera_file": StringProperty(
             name="Camera File",
             subtype="FILE_PATH",
@@ -35,15 +35,15 @@ class AddsPhotos(JobFromFile):
         """The files that were chosen, in the order of the list."""
         raise NotImplementedError
 
-    def make_job(self, context: bpy.types.Context) -> photo_queue.AddPhotosJob:
+    def make_job(self, context: bpy.types.Context) -> adding.AddPhotosJob:
         context.view_layer.update()
         known = photo_list.files(context.scene)
         paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
         if not paths:
             raise RefineError(rpt_("All of these photos are on the list already."))
-        return photo_queue.AddPhotosJob(context.scene, paths, self.camera_file)
+        return adding.AddPhotosJob(context.scene, paths, self.camera_file)
 
-    def apply(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob, result: Any) -> set[str]:
+    def apply(self, context: bpy.types.Context, job: adding.AddPhotosJob, result: Any) -> set[str]:
         scene = context.scene
         if not job.added:
             return self.refuse(context, job.failed[0][1] if job.failed else rpt_("No photo was added."))
@@ -52,12 +52,12 @@ class AddsPhotos(JobFromFile):
         photo_list.pick(scene, by_uid(scene.objects, job.added[0]))
         return self.done(context, job.summary(), "WARNING" if job.failed else "INFO")
 
-    def broke_off(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob, message: str) -> set[str]:
+    def broke_off(self, context: bpy.types.Context, job: adding.AddPhotosJob, message: str) -> set[str]:
         """Keeps what was added before; without this it would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED"} if job.added else {"CANCELLED"}
 
-    def stopped(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob) -> set[str]:
+    def stopped(self, context: bpy.types.Context, job: adding.AddPhotosJob) -> set[str]:
         if job.added:
             return self.apply(context, job, job)
         return self.refuse(context, rpt_("Adding photos was stopped; nothing was changed."), level="INFO")
@@ -73,7 +73,7 @@ class GSSMC_OT_add_photos(AddsPhotos, bpy.types.Operator):
     __annotations__ = {**AddsPhotos.__annotations__}
 
     def _chosen(self) -> list[Path]:
-        return photo_queue.chosen_photos(self.directory, [file.name for file in self.files if file.name], self.filepath)
+        return adding.chosen_photos(self.directory, [file.name for file in self.files if file.name], self.filepath)
 
 
 classes = (GSSMC_OT_add_photos,)
