@@ -57,9 +57,10 @@ def run(args: argparse.Namespace) -> Outcome:
         photo = masked(photo, mask)
     for remark in photo.notes:
         note(remark)
-    wanted = wanted_camera(Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo), photo)
-    if isinstance(wanted, Unplaced) and not args.locate:
+    told = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
+    if isinstance(told, Unplaced) and not args.locate:
         raise CameraError(f"The camera in '{args.camera.name}' has no R and t; give a start, or leave out --no-locate.")
+    wanted = wanted_camera(told, photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
@@ -127,7 +128,7 @@ def wanted_camera(wanted: Start | Unplaced, photo: Photo) -> Camera | Unplaced:
     """
     guess = guess_lens(photo)
     if wanted.intrinsics is None:
-        note(f"The start tells no lens: {guess.words}.")
+        note(f"{'The start tells no lens' if isinstance(wanted, Start) else 'The lens is not known'}: {guess.words}.")
     if isinstance(wanted, Unplaced):
         return replace(wanted.with_guess(guess.intrinsics), file=photo.file)
     return replace(wanted.camera(guess.intrinsics), file=photo.file)

@@ -138,7 +138,7 @@ def test_photo_of_another_place_ends_in_failed_with_exit_3_and_the_start_camera(
     noise = np.random.default_rng(5).integers(0, 255, (SIZE[1] // 4, SIZE[0] // 4, 3), np.uint8)
     cv2.imwrite(str(tmp_path / "other.png"), cv2.resize(noise, SIZE, interpolation=cv2.INTER_CUBIC))
     cam = place.json(tmp_path / "cam.json", place.starts[:1])
-    code, out, _ = run(capsys, "refine", place.scene, tmp_path / "other.png", "--camera", cam, *FAST)
+    code, out, _ = run(capsys, "refine", place.scene, tmp_path / "other.png", "--camera", cam, "--no-locate", *FAST)
     result = json.loads(out)
     assert (code, result["verdict"]) == (3, "failed")
     np.testing.assert_allclose(result["R"], place.starts[0].pose.R, atol=1e-12)
