@@ -242,7 +242,7 @@ def mistakes(place, tmp):
         "no pose": (["refine", scene, photo, "--camera", tmp / "name.json", "--no-locate"], "has no R and t"),
         "half a pose": (["refine", scene, photo, "--camera", tmp / "half.json"], "lacks t"),
         "batch without a pose": (["batch", scene, tmp / "name.json", "--out", out, "--no-locate"], "Camera 1 of"),
-        "map options of no use": ([*refine, "--no-locate", "--views", "5"], "of no use with --no-locate"),
+        "map options of no use": ([*refine, "--no-locate", "--views", "5"], "which --no-locate switches off"),
         "map over a photo": (["locate", scene, photo, "--map", photo], "would overwrite the photo"),
         "map over another file": (["map", scene, "--map", tmp / "text.jpg"], "is no map of a scan"),
         "map over the scan": (["map", scene, "--map", scene], "would overwrite the scan"),
