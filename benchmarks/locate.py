@@ -1,6 +1,6 @@
 """Find Camera without any start: maps, hypotheses, verdicts, other places' photos, spoilt photos, random views.
 
-    .venv/bin/python benchmarks/locate.py [--quick] [--parts map photos guessed known cross spoilt sample] [--maps FOLDER]
+    .venv/bin/python benchmarks/locate.py [--quick] [--parts signs map photos guessed known cross spoilt sample] [--maps FOLDER]
 
 Needs the scans in ../shared/scenes for all parts but the last. Errors are per cent of the scan's median depth and degrees;
 seconds are CPU time of this process (one thread). In the basin: within 30 % and 20 deg. --quick takes every third photo.
@@ -27,6 +27,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 from real_scenes import SCENES, Scan
 
 from core.cameras.files import read_cameras
+from core.features.extractors.sift import RootSift
 from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
 from core.locate import (
     LandmarkMap,
@@ -41,6 +42,8 @@ from core.locate import (
     scan_digest,
     write_map,
 )
+from core.locate.viewpoints.candidates import measured_ratio
+from core.locate.viewpoints.surface import sample_surface
 from core.photos.photo import Photo, read_photo
 from core.pose.settings import RefineSettings
 from core.render import Renderer, RenderSettings
@@ -51,9 +54,10 @@ from core.synthetic.sample import make_photo
 BASIN = (30.0, 20.0)
 HOME = {"room": (1.0, 0.5)}  # whose truth is weak; the others':
 HOME_ELSEWHERE = (0.3, 0.2)
-PARTS = ("map", "photos", "guessed", "known", "cross", "spoilt", "sample")
+PARTS = ("signs", "map", "photos", "guessed", "known", "cross", "spoilt", "sample")
 OTHERS = {"fox": ("monstree", "room"), "monstree": ("room", "fox"), "room": ("fox", "monstree")}
 SETTINGS = RefineSettings(threads=1)
+PLAIN = 150  # features; a view of the room with fewer shows little but bare walls
 
 
 @dataclass(frozen=True)
@@ -171,6 +175,36 @@ def cross_rows(places: dict[str, Place], quick: bool) -> Iterator[str]:
                 )
 
 
+def sign_rows(scenes: list[str]) -> Iterator[str]:
+    """What the scan remembers of its photographs, against the cameras that it was trained from."""
+    yield "\n| scan | surface points seen | faced the right way | mean cosine | distance / width, measured | of the cameras |"
+    yield "|---|---|---|---|---|---|"
+    for name in scenes:
+        scan, rng = Scan.load(name), np.random.default_rng(0)
+        surface = sample_surface(scan.scene, 20_000, rng)
+        towards, nearest = np.zeros((len(surface), 3)), np.full(len(surface), np.inf)
+        cameras = read_cameras(SCENES / name / "train.json")
+        for camera in cameras[:: max(1, len(cameras) // 20)]:
+            lens = camera.intrinsics.pinhole().with_long_side(128)
+            depth = scan.renderer.render(lens, camera.pose).depth
+            p = camera.pose.transform(surface.points)
+            pixel = np.nan_to_num(lens.project(p), nan=-1.0)
+            index = np.flatnonzero(((pixel >= 0) & (pixel < (lens.width, lens.height))).all(axis=1))
+            column, row = pixel[index].astype(int).T
+            index = index[np.abs(depth[row, column] - p[index, 2]) < 0.08 * p[index, 2]]
+            ray = camera.pose.centre - surface.points[index]
+            distance = np.linalg.norm(ray, axis=1)
+            towards[index] += ray / distance[:, None]
+            nearest[index] = np.minimum(nearest[index], distance)
+        seen = np.linalg.norm(towards, axis=1) > 0.5
+        cosine = np.einsum("ij,ij->i", surface.facing, towards)[seen]
+        cosine /= np.linalg.norm(towards[seen], axis=1) * np.linalg.norm(surface.facing[seen], axis=1)
+        ratio = measured_ratio(surface, 24, rng)
+        true = np.median(nearest[seen] / surface.width[seen])
+        share = f"{100 * seen.mean():.0f} % | {100 * (cosine > 0).mean():.1f} % | {cosine.mean():.2f}"
+        yield f"| {name} | {share} | {ratio:.0f} | {true:.0f} |"
+
+
 def half_hidden(image: np.ndarray) -> np.ndarray:
     out = image.copy()
     out[:, : image.shape[1] // 2] = 127
@@ -226,7 +260,7 @@ def sample_rows(views: int, folder: Path) -> Iterator[str]:
     renderer = Renderer(scene, RenderSettings(threads=1))
     landmarks = mapped("sample room", scene, views, [], folder)
     rng, lens = np.random.default_rng(5), Intrinsics(640, 480, 505, 505, 320, 240)
-    good, trials, found = 0, 14, []
+    good, trials, found, plain = 0, 14, [], 0
     for k in range(trials):
         centre = rng.uniform((-1.6, -0.9, -0.3), (1.6, 0.5, 2.2))
         z = rng.normal(size=3) * (1, 0.3, 1)
@@ -236,20 +270,24 @@ def sample_rows(views: int, folder: Path) -> Iterator[str]:
         pose = Pose.from_centre(np.stack([x, np.cross(z, x), z]), centre)
         photo = make_photo(renderer, Camera(lens, pose), k)
         located = locate(renderer, PhotoLens(photo, lens), landmarks)
+        plain += len(RootSift().extract(cv2.cvtColor(photo.pixels, cv2.COLOR_RGB2GRAY))) < PLAIN and not located.hypotheses
         if located.hypotheses:
             distance, degrees = pose_error(located.hypotheses[0].pose, pose)
             right = distance < 0.3 * located.hypotheses[0].depth and degrees < 20
             good += right
             found.append(located.hypotheses[0].inliers)
     least = min(found, default=0)
-    yield f"\nrandom views in the sample room: {good} of {trials} in basin, {len(found)} found, {least} inliers at least"
+    yield (
+        f"\nrandom views in the sample room: {good} of {trials} in basin, {len(found)} found, {least} inliers at least; "
+        f"of the others {plain} have fewer than {PLAIN} features"
+    )
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", nargs="+", default=["fox", "monstree", "room"])
+    parser.add_argument("--scenes", nargs="*", default=["fox", "monstree", "room"])
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
-    parser.add_argument("--views", type=int, default=60)
+    parser.add_argument("--views", type=int, default=80)
     parser.add_argument("--maps", type=Path, default=Path("/tmp/gssmc-maps"), help="folder that keeps the maps")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--verbose", action="store_true")
@@ -267,6 +305,8 @@ def main() -> int:
 
 def rows(places: dict[str, Place], args: argparse.Namespace) -> Iterator[str]:
     """The rows of all parts that were asked for."""
+    if "signs" in args.parts:
+        yield from sign_rows(list(places))
     for part, guessed in (("photos", False), ("guessed", True)):
         if part in args.parts and places:
             yield PHOTO_HEADER

@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import core.render.renderer as stages_of
-from core.geometry.camera import Intrinsics, Pose
+from core.geometry.camera import Camera, Intrinsics, Pose
 from core.render import ProcessRenderer, Renderer, RenderSettings, render_reference
 from core.splats import read_splats
 from core.splats.ply.reader import write_ply
@@ -90,7 +90,8 @@ def median_ms(renderer: Renderer, k: Intrinsics, pose: Pose, repeats: int) -> fl
     return float(np.median(times) * 1e3)
 
 
-def native_ms(binary: Path, scene: GaussianScene, k: Intrinsics, pose: Pose, threads: int, repeats: int) -> float:
+def native_ms(binary: Path, scene: GaussianScene, view: Camera, threads: int, repeats: int) -> float:
+    k, pose = view.intrinsics, view.pose
     camera = {"file": "a.png", "width": k.width, "height": k.height, "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy}
     camera |= {"R": pose.R.tolist(), "t": pose.t.tolist()}
     with tempfile.TemporaryDirectory() as name:
@@ -112,7 +113,7 @@ def run_case(case: dict[str, object], binary: Path | None, repeats: int) -> dict
     out: dict[str, float | None] = {"ms": median_ms(renderer, k, pose, repeats), "native": None, "twin": None}
     out["peak_mib"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     if binary and len(scene) <= NATIVE_MAX:
-        out["native"] = native_ms(binary, scene, k, pose, case["threads"], repeats)
+        out["native"] = native_ms(binary, scene, Camera(k, pose), case["threads"], repeats)
     if case.get("twin"):
         start = time.perf_counter()
         render_reference(scene, k, pose)

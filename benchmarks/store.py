@@ -15,7 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from core.batch.keys import job_key
+from core.batch.keys import key_of
 from core.batch.store import ResultStore
 from core.support.atomic import atomic_write
 
@@ -31,7 +31,7 @@ def record(index: int) -> dict:
 
 
 def journal(path: Path, count: int) -> int:
-    with ResultStore(path, [job_key(k) for k in range(count)]) as store:
+    with ResultStore(path, [key_of(k) for k in range(count)]) as store:
         for k in range(count):
             store.put(k, record(k))
     return 2 * path.stat().st_size  # once in the journal, once in the results
@@ -40,7 +40,7 @@ def journal(path: Path, count: int) -> int:
 def whole_file(path: Path, count: int) -> int:
     texts, written = [], 0
     for k in range(count):
-        texts.append(json.dumps({**record(k), "key": job_key(k)}))
+        texts.append(json.dumps({**record(k), "key": key_of(k)}))
         with atomic_write(path) as file:
             file.write('{"frames": [\n' + ",\n".join(texts) + "\n]}\n")
         written += path.stat().st_size

@@ -54,7 +54,7 @@ class Beat:
         for owner, names in (
             (stage, ("draw", "tick")),
             (module("gssmc_addon.jobs.operator").JobOperator, ("execute", "begin", "modal")),
-            (jobs, ("gather", "apply_report")),
+            (jobs, ("prepare", "apply_report")),
             (panels.GSSMC_PT_main, ("draw",)),
             (photos.GSSMC_PT_photos, ("draw",)),
         ):
@@ -137,7 +137,7 @@ def until(condition, what: str) -> Iterator[float]:
 
 
 def views() -> list:
-    return list(module("gssmc_addon.viewport.handlers")._slot.stage._views.values())
+    return list(module("gssmc_addon.viewport.handlers")._handler.stage._views.values())
 
 
 def shown() -> bool:

@@ -1,4 +1,4 @@
-"""The Blender side of GS-SMC: what is registered, in which order."""
+"""The Blender side of GS-SMC: registers its classes in their order."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import bpy
 
 from ..operators import (
     add_photo,
+    add_photo_folder,
     add_photos,
     add_plate,
     back_to_solution,
     camera_from_view,
     cancel,
+    clear_maps,
     export_cameras,
     export_splats,
+    find_camera,
     import_cameras,
     import_splats,
     match_resolution,
@@ -26,12 +29,13 @@ from ..operators import (
     reset_settings,
     review,
     set_mask,
+    set_masks,
     undistort_photo,
     up_axis,
 )
 from .camera import frame as camera_frame
 from .headless import command as cli
-from .jobs import slot as jobs
+from .jobs import slot
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .preview import flicker
@@ -47,12 +51,16 @@ _class_modules = (
     import_splats,
     add_photo,
     refine,
+    find_camera,
+    clear_maps,
     cancel,
     add_photos,
+    add_photo_folder,
     remove_photo,
     refine_all,
     review,
     set_mask,
+    set_masks,
     preview,
     import_cameras,
     export_cameras,
@@ -82,7 +90,7 @@ def register() -> None:
             bpy.utils.register_class(cls)
     menus.register()
     preferences.register()
-    jobs.register()
+    slot.register()
     camera_frame.register()
     viewport.register()
     preview_watch.register()
@@ -90,7 +98,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    jobs.unregister()  # first: a running job uses all the rest
+    slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
     viewport.unregister()
     camera_frame.unregister()

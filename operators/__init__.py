@@ -1,1 +1,1 @@
-"""One operator per file. Each gathers, calls the engine through gssmc_addon, and reports in one sentence."""
+"""One operator per file. Each copies its inputs, calls the engine through gssmc_addon, and reports in one sentence."""

@@ -1,41 +1,45 @@
 """Add Photo: a camera for a photograph, with the photo behind it."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
+from ..core.photos.photo import Photo
 from ..gssmc_addon.photo import camera as photo_camera
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.support.operator_parts import FromFile, PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 
-CAMERA_ITEMS = (
-    (
-        "AUTO",
-        "Automatic",
-        "The scene camera while it has no photo and you look through it, else a new camera at the current view",
-    ),
-    ("NEW", "New Camera", "A new camera at the current view"),
-    ("SCENE", "Scene Camera", "The scene camera, where it stands"),
-)
-
 
 class AddsPicture(PlainOperator, FromFile):
     """What Add Photo and Add Plate share: the options, and how a picture gets its camera."""
 
-    filter_image: BoolProperty(default=True, options={"HIDDEN"})
-    filter_folder: BoolProperty(default=True, options={"HIDDEN"})
-    camera: EnumProperty(name="Camera", items=CAMERA_ITEMS, default="AUTO", description="Which camera it is set behind")
-    camera_file: StringProperty(
-        name="Camera File",
-        subtype="FILE_PATH",
-        description="Optional JSON file of cameras; the one that names the chosen file gives lens, distortion and start pose",
-    )
+    __annotations__ = {
+        "filter_image": BoolProperty(default=True, options={"HIDDEN"}),
+        "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
+        "camera": EnumProperty(
+            name="Camera",
+            items=photo_camera.CAMERA_ITEMS,
+            default="AUTO",
+            description="The camera that the picture is set behind",
+        ),
+        "camera_file": StringProperty(
+            name="Camera File",
+            subtype="FILE_PATH",
+            description="Optional JSON file of cameras; the one that names the chosen file gives lens, distortion "
+            "and start pose",
+        ),
+    }
 
-    def set_behind(self, context, photo, load):
+    def set_behind(
+        self, context: bpy.types.Context, photo: Photo, load: Callable[[], bpy.types.Image]
+    ) -> tuple[bpy.types.Object, bpy.types.Image, list[str]]:
         """Camera, image and what to say of them; `load` makes the image once the camera file is known to fit.
 
         Raises GssmcError, with nothing changed.
@@ -43,7 +47,8 @@ class AddsPicture(PlainOperator, FromFile):
         given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
         image = load()
         camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name, photo)
-        return camera, image, photo_camera.fit_camera(context, camera, photo, image, given, self.set_resolution)
+        loaded = photo_camera.LoadedPhoto(photo, image, given)
+        return camera, image, photo_camera.fit_camera(context, camera, loaded, self.set_resolution)
 
 
 class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
@@ -53,18 +58,20 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
     bl_label = "Add Photo"
     bl_options = {"UNDO"}
 
-    set_resolution: BoolProperty(
-        name="Set Resolution",
-        default=False,
-        description="Make the render resolution the photo's, so that it fills the camera's frame. Without, the photo lies in "
-        "the middle of the frame as large as fits",
-    )
+    __annotations__ = {
+        "set_resolution": BoolProperty(
+            name="Set Resolution",
+            default=False,
+            description="Make the render resolution the photo's, so that it fills the camera's frame. Without, the photo lies "
+            "in the middle of the frame as large as fits",
+        ),
+    }
 
-    def run(self, context):
-        context.view_layer.update()  # scripts place objects and expect that to count
+    def run(self, context: bpy.types.Context) -> set[str]:
+        context.view_layer.update()  # Scripts move objects and expect their new places to be used.
         photo = photo_image.read_any_photo(self.filepath)
         camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))
-        photo_list.note(context.scene, camera, photo)
+        photo_list.add(context.scene, camera, photo)
         photo_list.pick(context.scene, camera)  # and look through it
         values = {"photo": image.name, "camera": camera.name, "x": photo.width, "y": photo.height}
         return self.done(context, " ".join([rpt_('"{photo}" ({x} x {y}) is set behind "{camera}".', **values), *notes]))

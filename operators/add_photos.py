@@ -1,28 +1,29 @@
-"""Add Photos, Add Folder: many photographs, each with a camera of its own."""
+"""Add Photos: many photographs, each with a camera of its own."""
+
+from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..core.errors import RefineError
 from ..gssmc_addon.photo import list as photo_list
-from ..gssmc_addon.photo.queue import SUFFIXES, AddPhotosJob, photos_in
-from ..gssmc_addon.refine import job as jobs
+from ..gssmc_addon.photo import queue as photo_queue
 from ..gssmc_addon.support.operator_parts import JobFromFile
+from ..gssmc_addon.support.session_ids import by_uid
 from ..gssmc_addon.support.texts import rpt_
 
-FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
 
-
-class _AddPhotos(JobFromFile):
+class AddsPhotos(JobFromFile):
     """What the two ways of choosing photos share."""
 
     __annotations__ = {
         "directory": StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}),
         "files": CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}),
         "filter_folder": BoolProperty(default=True, options={"HIDDEN"}),
-        "filter_glob": StringProperty(default=FILTER, options={"HIDDEN"}),
+        "filter_glob": StringProperty(default=photo_queue.FILTER, options={"HIDDEN"}),
         "camera_file": StringProperty(
             name="Camera File",
             subtype="FILE_PATH",
@@ -30,84 +31,49 @@ class _AddPhotos(JobFromFile):
         ),
     }
 
-    def gather(self, context):
+    def _chosen(self) -> list[Path]:
+        """The files that were chosen, in the order of the list."""
+        raise NotImplementedError
+
+    def make_job(self, context: bpy.types.Context) -> photo_queue.AddPhotosJob:
         context.view_layer.update()
         known = photo_list.files(context.scene)
         paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
         if not paths:
             raise RefineError(rpt_("All of these photos are on the list already."))
-        return AddPhotosJob(context.scene, paths, self.camera_file)
+        return photo_queue.AddPhotosJob(context.scene, paths, self.camera_file)
 
-    def apply(self, context, job, result):
+    def apply(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob, result: Any) -> set[str]:
         scene = context.scene
         if not job.added:
-            name, message = job.failed[0] if job.failed else ("", rpt_("No photo was added."))
-            return self.refuse(context, message)
+            return self.refuse(context, job.failed[0][1] if job.failed else rpt_("No photo was added."))
         for name, message in job.failed:
-            photo_list.note_unreadable(scene, name, message)
-        photo_list.pick(scene, jobs.by_uid(scene.objects, job.added[0]))
-        return self.done(context, _summary(job), "WARNING" if job.failed else "INFO")
+            photo_list.add_unreadable(scene, name, message)
+        photo_list.pick(scene, by_uid(scene.objects, job.added[0]))
+        return self.done(context, job.summary(), "WARNING" if job.failed else "INFO")
 
-    def broke_off(self, context, job, message):
-        """What was added before is kept; without this it would be in no undo step."""
+    def broke_off(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob, message: str) -> set[str]:
+        """Keeps what was added before; without this it would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED"} if job.added else {"CANCELLED"}
 
-    def stopped(self, context, job):
+    def stopped(self, context: bpy.types.Context, job: photo_queue.AddPhotosJob) -> set[str]:
         if job.added:
             return self.apply(context, job, job)
         return self.refuse(context, rpt_("Adding photos was stopped; nothing was changed."), level="INFO")
 
 
-def _summary(job):
-    """Up to three sentences: what was added, what could not be, what was left out."""
-    words = [rpt_("{count} photos added, each with its camera.", count=len(job.added))]
-    if len(job.added) == 1:
-        words = [rpt_("1 photo added, with its camera.")]
-    if job.failed:
-        words.append(rpt_("{count} could not be used; the list says why.", count=len(job.failed)))
-    left = job.count - len(job.added) - len(job.failed)
-    if left == 1:
-        words.append(rpt_("1 was left out when you stopped."))
-    elif left:
-        words.append(rpt_("{count} were left out when you stopped.", count=left))
-    return " ".join(words)
-
-
-class GSSMC_OT_add_photos(_AddPhotos, bpy.types.Operator):
+class GSSMC_OT_add_photos(AddsPhotos, bpy.types.Operator):
     """Load photographs; each gets a camera of its own, at the current view or where a camera file says"""
 
     bl_idname = "gssmc.add_photos"
     bl_label = "Add Photos"
     bl_options = {"UNDO"}
 
-    __annotations__ = {
-        **_AddPhotos.__annotations__,
-    }
+    __annotations__ = {**AddsPhotos.__annotations__}
 
-    def _chosen(self):
-        names = [file.name for file in self.files if file.name]
-        if not names and not self.directory and self.filepath:
-            return [Path(bpy.path.abspath(self.filepath))]
-        folder = Path(bpy.path.abspath(self.directory))
-        return [folder / name for name in names] if names else photos_in(folder)
+    def _chosen(self) -> list[Path]:
+        return photo_queue.chosen_photos(self.directory, [file.name for file in self.files if file.name], self.filepath)
 
 
-class GSSMC_OT_add_photo_folder(_AddPhotos, bpy.types.Operator):
-    """Load all photographs of the folder that the file browser shows, whichever is picked; each gets a camera of its own"""
-
-    bl_idname = "gssmc.add_photo_folder"
-    bl_label = "Add Folder"
-    bl_options = {"UNDO"}
-
-    __annotations__ = {**_AddPhotos.__annotations__}
-
-    def _chosen(self):
-        """The browser lists the photos, so that one sees what comes; scripts may name the folder, or a photo in it."""
-        if not self.directory and self.filepath:
-            path = Path(bpy.path.abspath(self.filepath))
-            return photos_in(path if path.is_dir() else path.parent)
-        return photos_in(Path(bpy.path.abspath(self.directory)))
-
-
-classes = (GSSMC_OT_add_photos, GSSMC_OT_add_photo_folder)
+classes = (GSSMC_OT_add_photos,)

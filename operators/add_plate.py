@@ -1,5 +1,7 @@
 """Add Plate: a camera for an image sequence or a movie."""
 
+from __future__ import annotations
+
 from functools import partial
 from pathlib import Path
 
@@ -21,15 +23,17 @@ class GSSMC_OT_add_plate(Idle, AddsPicture, bpy.types.Operator):
     bl_label = "Add Plate"
     bl_options = {"UNDO"}
 
-    filter_movie: BoolProperty(default=True, options={"HIDDEN"})
-    set_resolution: BoolProperty(
-        name="Set Resolution",
-        default=True,
-        description="Make the render resolution the plate's, so that it fills the camera's frame",
-    )
+    __annotations__ = {
+        "filter_movie": BoolProperty(default=True, options={"HIDDEN"}),
+        "set_resolution": BoolProperty(
+            name="Set Resolution",
+            default=True,
+            description="Make the render resolution the plate's, so that it fills the camera's frame",
+        ),
+    }
 
-    def run(self, context):
-        context.view_layer.update()  # scripts place objects and expect that to count
+    def run(self, context: bpy.types.Context) -> set[str]:
+        context.view_layer.update()  # Scripts move objects and expect their new places to be used.
         start = context.scene.frame_current
         plate, first, last = open_plate(Path(bpy.path.abspath(self.filepath)))
         photo = plate_source.frame_source(plate, first).read()

@@ -1,5 +1,7 @@
 """Back to Solution: the camera becomes what it was solved to be."""
 
+from __future__ import annotations
+
 import bpy
 
 from ..gssmc_addon.camera import solution as camera_solution
@@ -17,15 +19,15 @@ class GSSMC_OT_back_to_solution(Idle, PlainOperator, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         camera = context.scene.camera
         if camera is None or camera.type != "CAMERA" or not camera.data.gssmc.solution:
             cls.poll_message_set("The scene camera was never solved")
             return False
         return super().poll(context)
 
-    def run(self, context):
-        context.view_layer.update()  # scripts set locations and expect them to count
+    def run(self, context: bpy.types.Context) -> set[str]:
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         camera = context.scene.camera
         keyed = camera_solution.put_back(context.scene, camera)
         photo_camera.stop_moving_with_view()

@@ -1,14 +1,19 @@
 """Camera From View: the viewport's view becomes the start."""
 
+from __future__ import annotations
+
 import bpy
 from bpy.props import BoolProperty
 from mathutils import Matrix
 
+from ..core.errors import CameraError
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.camera import frame as camera_frame
 from ..gssmc_addon.photo import camera as photo_camera
 from ..gssmc_addon.support.operator_parts import PlainOperator
-from ..gssmc_addon.support.texts import rpt_
+from ..gssmc_addon.support.texts import n_, rpt_
+
+NO_VIEW = n_("There is no 3D viewport to take the view from")
 
 
 class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):
@@ -18,19 +23,23 @@ class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):
     bl_label = "Camera From View"
     bl_options = {"UNDO"}
 
-    new: BoolProperty(name="New Camera", default=False, description="Make a new camera instead of moving the scene's")
+    __annotations__ = {
+        "new": BoolProperty(name="New Camera", default=False, description="Make a new camera instead of moving the scene's"),
+    }
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         view = photo_camera.find_view(context)
         if view is None:
-            cls.poll_message_set("There is no 3D viewport to take the view from")
+            cls.poll_message_set(NO_VIEW)
         elif not view.is_free:
             cls.poll_message_set("The view looks through the camera already; turn it first")
         return view is not None and view.is_free
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         scene, view = context.scene, photo_camera.find_view(context)
+        if view is None:
+            raise CameraError(rpt_(NO_VIEW))
         camera = scene.camera
         if self.new or camera is None or camera.type != "CAMERA":
             render = scene.render

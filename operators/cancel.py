@@ -1,8 +1,10 @@
 """Cancel the running refinement."""
 
+from __future__ import annotations
+
 import bpy
 
-from ..gssmc_addon.jobs import slot as jobs
+from ..gssmc_addon.jobs import slot
 
 
 class GSSMC_OT_cancel(bpy.types.Operator):
@@ -13,11 +15,13 @@ class GSSMC_OT_cancel(bpy.types.Operator):
     bl_options = {"INTERNAL"}
 
     @classmethod
-    def poll(cls, context):
-        return jobs.active() is not None
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return slot.active() is not None
 
-    def execute(self, context):
-        jobs.active().cancel()  # the modal operator notices at its next tick
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        job = slot.active()
+        if job is not None:
+            job.cancel()  # The modal operator notices it at its next tick.
         return {"FINISHED"}
 
 

@@ -1,5 +1,7 @@
 """File > Export > Photo Cameras: COLMAP text model, nerfstudio's transforms.json, or camera JSON."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import bpy
@@ -25,42 +27,47 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
     bl_label = "Export Cameras"
 
     filename_ext = ".json"
-    filter_glob: StringProperty(default="*.json;*.txt", options={"HIDDEN"})
-    format: EnumProperty(name="Format", items=FORMATS, default="JSON", description="What other programs read")
-    selected: BoolProperty(
-        name="Selected Only", default=False, description="The selected cameras; otherwise all of the scene that have a photo"
-    )
-
-    world: StringProperty(
-        name="Training World",
-        subtype="FILE_PATH",
-        description="nerfstudio's dataparser_transforms.json: cameras are written in the world of its transforms.json, "
-        "instead of the splat's",
-    )
+    __annotations__ = {
+        "filter_glob": StringProperty(default="*.json;*.txt", options={"HIDDEN"}),
+        "format": EnumProperty(
+            name="Format", items=FORMATS, default="JSON", description="The format that the other program reads"
+        ),
+        "selected": BoolProperty(
+            name="Selected Only",
+            default=False,
+            description="The selected cameras; otherwise all of the scene that have a photo",
+        ),
+        "world": StringProperty(
+            name="Training World",
+            subtype="FILE_PATH",
+            description="nerfstudio's dataparser_transforms.json: cameras are written in the world of its transforms.json, "
+            "instead of the splat's",
+        ),
+    }
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.gssmc.splat is None:
             cls.poll_message_set("Exported poses are in the splat's coordinates; import or pick a splat first")
             return False
         return True
 
-    def check(self, context):
+    def check(self, context: bpy.types.Context) -> bool:
         self.filename_ext = "" if self.format == "COLMAP" else ".json"
         return super().check(context) if self.filename_ext else False
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()
         path = Path(bpy.path.abspath(self.filepath))
         if self.format == "COLMAP" and path.suffix == ".json":
             path = path.with_suffix("")
-        found = camera_exchange.collect(context.scene, self._objects(context))
+        outgoing = camera_exchange.collect(context.scene, self._objects(context))
         if self.world:
-            found = camera_exchange.out_of_training_world(found, Path(bpy.path.abspath(self.world)))
-        wrote = camera_exchange.write(path, self.format, found)
+            outgoing = camera_exchange.out_of_training_world(outgoing, Path(bpy.path.abspath(self.world)))
+        wrote = camera_exchange.write(path, self.format, outgoing)
         return self.done(context, " ".join(wrote), "INFO" if len(wrote) == 1 else "WARNING")
 
-    def _objects(self, context):
+    def _objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
         source = context.selected_objects if self.selected else context.scene.objects
         cameras = [o for o in source if o.type == "CAMERA"]
         return cameras if self.selected else [o for o in cameras if photo_image.camera_photo(o) or plate_source.has_clip(o)]

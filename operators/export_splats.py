@@ -1,15 +1,20 @@
 """File > Export > Gaussian Splats: our splat objects and Blender's own, in the layout of INRIA's trainer."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
+from ..core.errors import SplatFormatError
 from ..gssmc_addon.splat import export as splat_export
+from ..gssmc_addon.splat.import_options import left_out
 from ..gssmc_addon.support.operator_parts import PlainOperator
-from ..gssmc_addon.support.texts import rpt_
+from ..gssmc_addon.support.texts import n_, rpt_
 
+NO_SPLAT = n_("No splat is active or picked; import one first")
 COORDINATES = (
     ("OBJECT", "Object", "The splat's own coordinates, those of the file it came from: poses found in that file still fit"),
     (
@@ -29,36 +34,39 @@ class GSSMC_OT_export_splats(PlainOperator, bpy.types.Operator, ExportHelper):
     bl_options = {"PRESET"}
 
     filename_ext = ".ply"
-    filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
-    coordinates: EnumProperty(
-        name="Coordinates",
-        items=COORDINATES,
-        default="OBJECT",
-        description="Whether the object's rotation and scale are applied to what is written; the object itself stays as it is",
-    )
+    __annotations__ = {
+        "filter_glob": StringProperty(default="*.ply", options={"HIDDEN"}),
+        "coordinates": EnumProperty(
+            name="Coordinates",
+            items=COORDINATES,
+            default="OBJECT",
+            description="Whether the object's rotation and scale are applied to what is written; "
+            "the object itself stays as it is",
+        ),
+    }
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if splat_export.splat_of(context) is None:
-            cls.poll_message_set("No splat is active or picked; import one first")
+            cls.poll_message_set(NO_SPLAT)
             return False
         return True
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()
         path = Path(bpy.path.abspath(self.filepath))
-        written = splat_export.write(path, splat_export.splat_of(context), self.coordinates)
+        splat = splat_export.splat_of(context)
+        if splat is None:
+            raise SplatFormatError(rpt_(NO_SPLAT))
+        written = splat_export.write(path, splat, self.coordinates)
         scene = written.scene
-        words = [
+        sentences = [
             rpt_("{count:,} Gaussians, SH degree {degree}: '{path}'.", count=len(scene), degree=scene.sh_degree, path=path)
         ]
-        if scene.dropped == 1:
-            words.append(rpt_("1 Gaussian with values that are not finite was left out."))
-        elif scene.dropped:
-            words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
+        sentences += left_out(scene)
         if written.sh_left_out:
-            words.append(rpt_("SH above degree 3 were left out, for the layout has no place for them."))
-        return self.done(context, " ".join(words), "WARNING" if scene.dropped or written.sh_left_out else "INFO")
+            sentences.append(rpt_("SH above degree 3 were left out, for the layout has no place for them."))
+        return self.done(context, " ".join(sentences), "WARNING" if scene.dropped or written.sh_left_out else "INFO")
 
 
 classes = (GSSMC_OT_export_splats,)

@@ -1,9 +1,12 @@
-"""File > Import > Gaussian Splats: a worker thread in the window, a plain call in scripts and background mode."""
+"""File > Import > Gaussian Splats: runs beside the window, and blocks in scripts and background mode."""
+
+from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.render import memory
@@ -14,14 +17,10 @@ from ..gssmc_addon.splat import display as splat_display
 from ..gssmc_addon.splat import importer as splat_import
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.splat.import_job import SplatImport
-from ..gssmc_addon.splat.up_axis import AXIS_ITEMS
+from ..gssmc_addon.splat.import_options import import_annotations, summary
 from ..gssmc_addon.support.texts import iface_, rpt_
 from ..gssmc_addon.viewport import props as viewport_props
 
-ORIENTATION_ITEMS = (
-    ("AUTO", "By Format", "As is usual for the file's format (.ply and .splat y down, .spz y up), or as the file declares"),
-    *AXIS_ITEMS,
-)
 DIALOG_WIDTH = 340
 
 
@@ -29,54 +28,25 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
     """Import a 3D Gaussian Splatting scan as a point cloud"""
 
     bl_idname = "gssmc.import_splats"
-    bl_label = "Import Splats"  # also the file browser's button, which cuts longer ones off
+    bl_label = "Import Splats"  # This is also the file browser's button, which cuts off longer names.
     bl_options = {"UNDO", "PRESET"}
 
-    filter_glob: StringProperty(default=splat_import.FILTER, options={"HIDDEN"})
-    orientation: EnumProperty(
-        name="Up Axis",
-        items=ORIENTATION_ITEMS,
-        default="AUTO",
-        description="Turns the object; the file's coordinates stay. The panel changes it later",
-    )
-    scale: FloatProperty(
-        name="Scale",
-        default=1.0,
-        min=1e-6,
-        soft_min=0.01,
-        soft_max=100.0,
-        description="Scales the object; the file's coordinates stay",
-    )
-    max_shown: IntProperty(
-        name="Most Shown",
-        default=viewport_props.MAX_SHOWN,
-        min=1000,
-        description="Most Gaussians drawn in the viewport; all are imported. The panel changes it later",
-    )
-    show_colours: BoolProperty(
-        name="Colours of Points",
-        default=True,
-        description="Where the scan shows as points, switch Solid viewports to Material Preview, which has its colours",
-    )
+    __annotations__ = {
+        "filter_glob": StringProperty(default=splat_import.FILTER, options={"HIDDEN"}),
+        **import_annotations(),
+    }
 
-    wait: BoolProperty(
-        name="Wait",
-        default=True,
-        options={"HIDDEN", "SKIP_SAVE"},
-        description="For scripts: return when all is imported. Off, a window goes on meanwhile, as it does after the dialog",
-    )
-
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self.wait = False
         if self.filepath:  # dropped on the viewport
             title = iface_("Import {file}", file=Path(self.filepath).name)
             return context.window_manager.invoke_props_dialog(self, width=DIALOG_WIDTH, title=title, confirm_text="Import")
         return ImportHelper.invoke(self, context, event)
 
-    def check(self, context):
-        return True  # the file was changed: draw() describes it anew
+    def check(self, context: bpy.types.Context) -> bool:
+        return True  # Another file was chosen, and draw() has to describe it.
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True
         for line in splat_import.describe(self.filepath):
             panels.draw_text(self.layout, context, line)
@@ -85,30 +55,24 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
         if not viewport_props.is_drawable():
             self.layout.prop(self, "show_colours")
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """After the dialog the file comes in beside other work; a call from a script waits for it."""
         self.asked = not (self.wait or bpy.app.background or context.window is None)
         return super().execute(context)
 
-    def gather(self, context):
+    def make_job(self, context: bpy.types.Context) -> SplatImport:
         path = Path(self.filepath)
         memory.check("The import", memory.import_bytes(path), preferences.memory_limit(context))
         placement = splat_import.Placement(self.orientation, self.scale, self.max_shown)
         return SplatImport(path, placement, viewport_props.is_drawable())
 
-    def apply(self, context, job, result):
-        obj, scene = job.finish(context), job.scene
+    def apply(self, context: bpy.types.Context, job: SplatImport, result: Any) -> set[str]:
+        obj, scene = job.finish(context)
         if self.show_colours and not (viewport_props.is_drawable() or splat_object.is_native(obj.data)):
             splat_display.show_colours(context)
-        values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
-        words = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
-        if scene.dropped == 1:
-            words.append(rpt_("1 Gaussian with values that are not finite was left out."))
-        elif scene.dropped:
-            words.append(rpt_("{count} Gaussians with values that are not finite were left out.", count=scene.dropped))
-        return self.done(context, " ".join(words))
+        return self.done(context, summary(obj, scene))
 
-    def stopped(self, context, job):
+    def stopped(self, context: bpy.types.Context, job: SplatImport) -> set[str]:
         return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")
 
 

@@ -1,5 +1,7 @@
 """Match Photo Resolution: the render becomes the photo's size, and the lens follows."""
 
+from __future__ import annotations
+
 import bpy
 
 from ..core.errors import PhotoError
@@ -17,12 +19,12 @@ class GSSMC_OT_match_resolution(OfPhoto, bpy.types.Operator):
     bl_label = "Match Photo Resolution"
     bl_options = {"UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         scene, camera = context.scene, context.scene.camera
         size = photo_image.own_size(camera.data)
         if not all(size):
             raise PhotoError(rpt_("The photo's file cannot be read; add the photo again."))
-        camera_bridge.move_to_render(scene, camera.data, *size)  # a camera that was set by hand now has a frame, too
+        camera_bridge.move_to_render(scene, camera.data, *size)  # A camera that was set by hand gets a frame here, too.
         notes = photo_camera.frame(scene, size, allowed=True, pixel=camera.data.gssmc.photo_pixel)
         return self.done(context, " ".join(notes) or rpt_("The render has the photo's shape already."))
 

@@ -1,11 +1,13 @@
-"""Refine Camera: a worker thread in the window, a plain call in scripts and background mode."""
+"""Refine Camera: runs beside the window, and blocks in scripts and background mode."""
+
+from __future__ import annotations
 
 import bpy
 from bpy.props import StringProperty
 
+from ..core.pose.report import RefineReport
 from ..gssmc_addon.jobs.operator import JobOperator
-from ..gssmc_addon.photo import image as photo_image
-from ..gssmc_addon.refine import job as jobs
+from ..gssmc_addon.refine import job as refine_job
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.support import problem
 from ..gssmc_addon.support.operator_parts import NeedsPhoto
@@ -17,7 +19,7 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
 
     bl_idname = "gssmc.refine"
     bl_label = "Refine Camera"
-    bl_options = {"UNDO"}  # no REGISTER: the redo panel would run it again, blocking
+    bl_options = {"UNDO"}  # Without REGISTER, because the redo panel would run it again and block.
 
     __annotations__ = {
         "splat": StringProperty(name="Splat", description="Name of the splat object; empty: the one picked in the panel"),
@@ -26,22 +28,21 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
         **settings_props.model_annotations(),
     }
 
-    def gather(self, context):
+    def make_job(self, context: bpy.types.Context) -> refine_job.RefineJob:
         scene = context.scene
         splat = bpy.data.objects.get(self.splat) if self.splat else scene.gssmc.splat
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
-        photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
-        context.view_layer.update()  # scripts set locations and expect them to count
-        job = jobs.gather(scene, splat, camera, photo, settings_props.settings_from(scene.gssmc, self.properties))
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
+        job = refine_job.prepare(scene, splat, camera, settings_props.settings_from(scene.gssmc, self.properties))
         problem.begin(self.bl_label)
         return job
 
-    def apply(self, context, job, report):
-        message = jobs.apply_report(job.targets, report)
+    def apply(self, context: bpy.types.Context, job: refine_job.RefineJob, report: RefineReport) -> set[str]:
+        message = refine_job.apply_report(job.targets, report)
         done = self.done(context, message, "WARNING" if report.verdict != "trusted" else "INFO")  # the panel shows the verdict
         return {"CANCELLED"} if report.verdict == "failed" else done
 
-    def stopped(self, context, job):
+    def stopped(self, context: bpy.types.Context, job: refine_job.RefineJob) -> set[str]:
         return self.refuse(context, rpt_("The refinement was cancelled; nothing was changed."), level="INFO")
 
 

@@ -1,5 +1,9 @@
 """Refine All: the photos of the list, one after the other."""
 
+from __future__ import annotations
+
+from typing import Any
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
@@ -11,68 +15,84 @@ from ..gssmc_addon.support import problem
 from ..gssmc_addon.support.operator_parts import NeedsPhoto
 from ..gssmc_addon.support.texts import rpt_, tip_
 
-WHICH = (
-    ("ALL", "All", "Every photo of the list"),
-    ("TICKED", "Ticked", "The photos that are ticked in the list"),
-    ("OPEN", "Not Trusted Yet", "The photos whose camera is not trusted yet"),
-)
 
+class OfList(NeedsPhoto, JobOperator):
+    """What Refine All and Find All share."""
 
-class GSSMC_OT_refine_all(NeedsPhoto, JobOperator, bpy.types.Operator):
-    """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
-
-    bl_idname = "gssmc.refine_all"
-    bl_label = "Refine All"
-    bl_options = {"UNDO"}
+    find = False
 
     __annotations__ = {
-        "which": EnumProperty(name="Which", items=WHICH, default="ALL", description="Which photos are refined"),
+        "which": EnumProperty(name="Which", items=photo_queue.WHICH, default="ALL", description="Which photos are refined"),
         "again": BoolProperty(
             name="Try Again",
             default=True,
-            description="Photos of which no camera was found are tried again from those of solved photos, up to four",
+            description="Photos of which no camera was found are tried again: from the cameras of solved photos, up to four, "
+            "and in the whole scan",
         ),
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
     }
 
     @classmethod
-    def description(cls, context, properties):
-        which = next(item[2] for item in WHICH if item[0] == properties.which)
-        return f"{tip_(cls.__doc__)}. {tip_(which)}"
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        which = next(item[2] for item in photo_queue.WHICH if item[0] == properties.which)
+        return f"{tip_(cls.__doc__ or '')}. {tip_(which)}"
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if not photo_list.cameras(context.scene):
             cls.poll_message_set("There are no photos on the list; use Add Photos first")
             return False
         return super().poll(context)
 
-    def gather(self, context):
-        context.view_layer.update()  # scripts set locations and expect them to count
+    def make_job(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         scene = context.scene
-        job = photo_queue.queue(scene, self.which, settings_props.settings_from(scene.gssmc, self.properties), self.again)
+        settings = settings_props.settings_from(scene.gssmc, self.properties)
+        job = photo_queue.queue(scene, self.which, settings, photo_queue.QueueOptions(self.find, self.again))
         problem.begin(self.bl_label)
         return job
 
-    def apply(self, context, job, result):
+    def apply(self, context: bpy.types.Context, job: photo_queue.RefineQueue, result: Any) -> set[str]:
         message = job.summary()
         self.tell(context, message, "ERROR" if job.failed else "INFO")
         clean = job.verdicts["trusted"] == job.items
         self.report({"INFO" if clean else "WARNING"}, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 
-    def stopped(self, context, job):
+    def stopped(self, context: bpy.types.Context, job: photo_queue.RefineQueue) -> set[str]:
         """What was refined before the stop is kept: each photo stands for itself."""
         message = rpt_("Stopped. {summary}", summary=job.summary())
         self.tell(context, message)
         self.report({"INFO"}, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 
-    def broke_off(self, context, job, message):
-        """As after a stop; without this, what was refined before would be in no undo step."""
+    def broke_off(self, context: bpy.types.Context, job: photo_queue.RefineQueue, message: str) -> set[str]:
+        """Keeps what was refined before; without this it would be in no undo step."""
         self.refuse(context, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
 
 
-classes = (GSSMC_OT_refine_all,)
+class GSSMC_OT_refine_all(OfList, bpy.types.Operator):
+    """Find the exact cameras of the list's photos, one after the other, each from where its camera stands"""
+
+    bl_idname = "gssmc.refine_all"
+    bl_label = "Refine All"
+    bl_options = {"UNDO"}
+
+    __annotations__ = OfList.__annotations__
+
+
+class GSSMC_OT_find_all(OfList, bpy.types.Operator):
+    """Find the exact cameras of the list's photos, one after the other, wherever the cameras stand now. Solved photos help to
+    find the others"""
+
+    bl_idname = "gssmc.find_all"
+    bl_label = "Find All"
+    bl_options = {"UNDO"}
+
+    __annotations__ = OfList.__annotations__
+    find = True
+
+
+classes = (GSSMC_OT_refine_all, GSSMC_OT_find_all)

@@ -1,5 +1,7 @@
 """Remove Photo: a line of the list, and the camera that was made for it."""
 
+from __future__ import annotations
+
 import bpy
 from bpy.props import BoolProperty
 
@@ -16,17 +18,19 @@ class GSSMC_OT_remove_photo(Idle, Reporter, bpy.types.Operator):
     bl_label = "Remove Photo"
     bl_options = {"UNDO"}
 
-    camera: BoolProperty(name="Camera Too", default=True, description="Also delete the photo's camera")
+    __annotations__ = {
+        "camera": BoolProperty(name="Camera Too", default=True, description="Also delete the photo's camera"),
+    }
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         own = context.scene.gssmc
         if not 0 <= own.photo_index < len(own.photos):
             cls.poll_message_set("No photo of the list is picked")
             return False
         return super().poll(context)
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         own = context.scene.gssmc
         index, entry = own.photo_index, own.photos[own.photo_index]
         title, camera = photo_list.title(entry), photo_list.camera_of(context.scene, entry)
@@ -37,7 +41,7 @@ class GSSMC_OT_remove_photo(Idle, Reporter, bpy.types.Operator):
         return self.done(context, rpt_('"{photo}" was removed.', photo=title))
 
 
-def _delete(camera):
+def _delete(camera: bpy.types.Object) -> None:
     """The camera, its data, its photo and mask, where nothing else uses them."""
     data, images = camera.data, {photo_image.camera_photo(camera), camera.data.gssmc.mask} - {None}
     bpy.data.objects.remove(camera)

@@ -1,5 +1,7 @@
 """Report a Problem: versions and the last job's record, on the clipboard."""
 
+from __future__ import annotations
+
 import bpy
 
 from ..gssmc_addon.support import problem
@@ -12,7 +14,7 @@ class GSSMC_OT_report_problem(bpy.types.Operator):
     bl_label = "Report a Problem"
     bl_options = {"INTERNAL"}
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         context.window_manager.clipboard = problem.text(context)
         self.report(
             {"INFO"},

@@ -1,4 +1,6 @@
-"""Reset Settings: the refinement's values as the engine has them."""
+"""Reset Settings: gives the refinement's values their defaults."""
+
+from __future__ import annotations
 
 import bpy
 
@@ -14,7 +16,7 @@ class GSSMC_OT_reset_settings(PlainOperator, bpy.types.Operator):
     bl_label = "Reset"
     bl_options = {"UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         settings_props.reset(context.scene.gssmc)
         return self.done(context, rpt_("All values of the refinement have their defaults again."))
 

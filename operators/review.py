@@ -1,9 +1,12 @@
-"""Next and previous photo of the list."""
+"""Next Photo and Previous Photo: looks through the next camera of the list."""
+
+from __future__ import annotations
 
 import bpy
 from bpy.props import BoolProperty, IntProperty
 
 from ..gssmc_addon.photo import list as photo_list
+from ..gssmc_addon.photo.entry import GssmcPhoto
 from ..gssmc_addon.support.texts import tip_
 
 
@@ -14,36 +17,38 @@ class GSSMC_OT_review(bpy.types.Operator):
     bl_label = "Next Photo"
     bl_options = {"UNDO"}
 
-    step: IntProperty(name="Step", default=1, description="1 for the next photo of the list, -1 for the previous one")
-    skip_trusted: BoolProperty(name="Skip Trusted", default=False, description="Only photos whose camera is not trusted")
+    __annotations__ = {
+        "step": IntProperty(name="Step", default=1, description="1 for the next photo of the list, -1 for the previous one"),
+        "skip_trusted": BoolProperty(name="Skip Trusted", default=False, description="Only photos whose camera is not trusted"),
+    }
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if not photo_list.cameras(context.scene):
             cls.poll_message_set("There are no photos on the list")
             return False
         return True
 
     @classmethod
-    def description(cls, context, properties):
+    def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         if properties.step > 0:
             next_unsure = tip_("Look through the camera of the next photo of the list whose camera is not trusted")
             return next_unsure if properties.skip_trusted else tip_("Look through the camera of the next photo of the list")
         before_unsure = tip_("Look through the camera of the previous photo of the list whose camera is not trusted")
         return before_unsure if properties.skip_trusted else tip_("Look through the camera of the previous photo of the list")
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         own = context.scene.gssmc
         count, way = len(own.photos), 1 if self.step >= 0 else -1
         for k in range(abs(self.step) or 1, count + 1):
             index = (own.photo_index + way * k) % count
             if self._wanted(context.scene, own.photos[index]):
-                own.photo_index = index  # its update looks through the camera
+                own.photo_index = index  # The update function of the property looks through the camera.
                 return {"FINISHED"}
         self.report({"INFO"}, "All photos of the list are trusted.")
         return {"CANCELLED"}
 
-    def _wanted(self, scene, entry):
+    def _wanted(self, scene: bpy.types.Scene, entry: GssmcPhoto) -> bool:
         return photo_list.camera_of(scene, entry) is not None and (photo_list.is_open(entry) or not self.skip_trusted)
 
 

@@ -1,5 +1,7 @@
 """Undistort Photo: a copy for the background that agrees with Blender's cameras, which have no lens distortion."""
 
+from __future__ import annotations
+
 import bpy
 
 from ..core.errors import CameraError
@@ -17,13 +19,15 @@ class GSSMC_OT_undistort_photo(OfPhoto, bpy.types.Operator):
     bl_label = "Undistort Background"
     bl_options = {"UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> set[str]:
         camera = context.scene.camera
         copy = self._copy(context.scene, camera)
         return self.done(context, rpt_('"{photo}" is set behind "{camera}".', photo=copy.name, camera=camera.name))
 
-    def _copy(self, scene, camera):
+    def _copy(self, scene: bpy.types.Scene, camera: bpy.types.Object) -> bpy.types.Image:
         data, image = camera.data, photo_image.camera_photo(camera)
+        if image is None:
+            raise CameraError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
         photo = photo_image.photo_source(image).read()
         lens = camera_bridge.photo_intrinsics(scene, data, photo.width, photo.height)
         if not lens.has_distortion:

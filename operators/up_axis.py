@@ -1,5 +1,7 @@
 """Up Axis: another axis of the splat's file points up, after the import."""
 
+from __future__ import annotations
+
 import bpy
 from bpy.props import EnumProperty
 
@@ -17,22 +19,24 @@ class GSSMC_OT_up_axis(PlainOperator, bpy.types.Operator):
     bl_label = "Up Axis"
     bl_options = {"UNDO"}
 
-    axis: EnumProperty(name="Up Axis", items=up_axis.AXIS_ITEMS, description="Which axis of the file points up")
+    __annotations__ = {
+        "axis": EnumProperty(name="Up Axis", items=up_axis.AXIS_ITEMS, description="Which axis of the file points up"),
+    }
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if not splat_object.is_splat(context.scene.gssmc.splat):
             cls.poll_message_set("No splat is picked")
             return False
         return True
 
-    def run(self, context):
-        context.view_layer.update()  # scripts set locations and expect them to count
+    def run(self, context: bpy.types.Context) -> set[str]:
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
         splat = context.scene.gssmc.splat
         count = upright.change(context.scene, splat, self.axis)
         values = {"axis": iface_(up_axis.AXIS_WORDS[self.axis]), "count": count}
         if count == 1:
-            return self.done(context, rpt_("{axis}: the splat was turned, and the camera of its photo with it.", **values))
+            return self.done(context, rpt_("{axis}: the splat was turned, and 1 camera with it.", **values))
         if count:
             return self.done(context, rpt_("{axis}: the splat was turned, and {count} cameras with it.", **values))
         return self.done(context, rpt_("{axis}: the splat was turned.", **values))

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# All checks: style (ruff), types (mypy strict on core), tests (pytest). Arguments go to pytest.
+# All checks: style (ruff), types (mypy strict), tests (pytest). Arguments go to pytest.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 bash scripts/setup.sh --all

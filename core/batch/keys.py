@@ -21,7 +21,7 @@ Stamp = tuple[int, int] | None
 
 
 @dataclass(frozen=True)
-class Query:
+class BatchQuery:
     """A start camera, or what is known of one without a pose, its photo's file, and its mask's where it has one."""
 
     camera: Camera | Unplaced
@@ -29,7 +29,7 @@ class Query:
     mask: Path | None = None
 
 
-def query_keys(scan: Path, queries: Sequence[Query], settings: RefineSettings, finding: str = "") -> list[str]:
+def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettings, finding: str = "") -> list[str]:
     """Per query, the digest of the scan's content, of what the photo and mask are now, of the settings with the model files
     they name, and of the start. `finding`: a word for how photos are found without a start, "" where they are not. Two equal
     queries share a key, and then an answer. Raises SplatFormatError.
@@ -38,12 +38,12 @@ def query_keys(scan: Path, queries: Sequence[Query], settings: RefineSettings, f
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
     common = (KEY_VERSION, scan_digest(scan), options, models, finding)
     return [
-        job_key(common, wanted_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
+        key_of(common, wanted_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
         for q in queries
     ]
 
 
-def job_key(*parts: Any) -> str:
+def key_of(*parts: Any) -> str:
     """A short digest of `parts`, which JSON can hold."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 

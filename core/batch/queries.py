@@ -8,18 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..cameras import match_names, queries, read
-from ..cameras.files import Start
+from ..cameras.files import StartCamera
 from ..cameras.pose_list import checked
 from ..cameras.unplaced import Unplaced, read_wanted
 from ..errors import CameraError, DatasetError, PhotoError, UsageError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 
-UNREAD = Intrinsics(1920, 1080, 1920, 1920, 960, 540)  # stands for the lens of a photo that cannot be read
+# The lens of a photo that cannot be read; the photo is refused when its turn comes.
+LENS_OF_UNREADABLE = Intrinsics(1920, 1080, 1920, 1920, 960, 540)
 
 
 @dataclass(frozen=True)
-class Queries:
+class BatchPhotos:
     """Start cameras, or lenses of photos without a start, whose "file" is the photo's name as the source spells it, and as many
     photo files; `notes` are sentences on what was assumed or left out, for whoever asked.
     """
@@ -29,7 +30,7 @@ class Queries:
     notes: tuple[str, ...] = ()
 
 
-def find_queries(args: argparse.Namespace) -> Queries:
+def find_queries(args: argparse.Namespace) -> BatchPhotos:
     """The queries of a batch's flags; `args.locate` tells whether photos without a start are found as well.
 
     Raises UsageError, DatasetError or CameraError.
@@ -42,17 +43,18 @@ def find_queries(args: argparse.Namespace) -> Queries:
         _check_placed(found, args.queries)
     if args.poses is not None:
         for camera in found.cameras:
-            checked(camera.file)  # found out before hours of work, not after
+            # A name that cannot be written is found before hours of work, not after them.
+            checked(camera.file)
     return found
 
 
-def _check_placed(found: Queries, source: Path) -> None:
+def _check_placed(found: BatchPhotos, source: Path) -> None:
     for number, camera in enumerate(found.cameras, 1):
         if isinstance(camera, Unplaced):
             raise CameraError(f"Camera {number} of '{source.name}' has no R and t; give a start, or leave out --no-locate.")
 
 
-def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate: bool) -> Queries:
+def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate: bool) -> BatchPhotos:
     """Test photos of a scene folder. Those without a start pose have to be found, or are left out, and that is said."""
     if start is None and not locate:
         raise UsageError(f"'{folder.name}' is a data set's folder, which has no start poses; give them with --start POSES.txt.")
@@ -60,7 +62,7 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate:
         raise UsageError(f"--focal is {focal:g}; give the focal length in pixels.")
     wanted = queries(folder, focal)
     if start is None:
-        return Queries([Unplaced(one.name, one.intrinsics) for one in wanted], [one.photo.resolve() for one in wanted])
+        return BatchPhotos([Unplaced(one.name, one.intrinsics) for one in wanted], [one.photo.resolve() for one in wanted])
     starts = read(start)
     found = match_names([query.name for query in wanted], starts.names, folder.name, starts.source)
     if all(i is None for i in found):
@@ -72,10 +74,10 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate:
     ]
     what = "are searched for without one" if locate else "are left out"
     said = f"{found.count(None)} of {len(wanted)} test photos have no start pose in '{start.name}' and {what}."
-    return Queries(cameras, [query.photo.resolve() for query, _ in pairs], (said,) if None in found else ())
+    return BatchPhotos(cameras, [query.photo.resolve() for query, _ in pairs], (said,) if None in found else ())
 
 
-def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Queries:
+def _from_cameras(file: Path, start: Path | None, focal: float | None) -> BatchPhotos:
     """Records of a JSON file, each with its photo relative to that file."""
     records = read_wanted(file)
     for flag, value in (("--start", start), ("--focal", focal)):
@@ -86,17 +88,19 @@ def _from_cameras(file: Path, start: Path | None, focal: float | None) -> Querie
             raise UsageError(f"Camera {number} of '{file.name}' names no photo; give it a \"file\".")
     photos = [file.resolve().parent / record.file for record in records]
     cameras, notes = _with_lenses(records, photos)
-    return Queries(cameras, photos, notes)
+    return BatchPhotos(cameras, photos, notes)
 
 
-def _with_lenses(records: Sequence[Start | Unplaced], photos: list[Path]) -> tuple[list[Camera | Unplaced], tuple[str, ...]]:
+def _with_lenses(
+    records: Sequence[StartCamera | Unplaced], photos: list[Path]
+) -> tuple[list[Camera | Unplaced], tuple[str, ...]]:
     """The cameras, with lenses by their photos where the file tells none, and what was assumed."""
     cameras: list[Camera | Unplaced] = []
     assumed: list[LensGuess | None] = []
     for record, photo in zip(records, photos, strict=True):
         guess = _guess(photo) if record.intrinsics is None else None
-        lens = guess.intrinsics if guess else UNREAD
-        cameras.append(record.camera(lens) if isinstance(record, Start) else record.with_guess(lens))
+        lens = guess.intrinsics if guess else LENS_OF_UNREADABLE
+        cameras.append(record.camera(lens) if isinstance(record, StartCamera) else record.with_guess(lens))
         assumed += [guess] if record.intrinsics is None else []
     if not assumed:
         return cameras, ()

@@ -15,18 +15,18 @@ from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
 
 
+def read_masked_photo(photo: Path, mask: Path | None) -> Photo:
+    """The photo of a file, under the mask of another one where there is one. Raises PhotoError."""
+    return read_photo(photo) if mask is None else masked(read_photo(photo), mask)
+
+
 def refine_photo(
     renderer: ViewRenderer,
-    photo: Photo | Path,
+    photo: Photo,
     camera: Camera,
     settings: RefineSettings,
     on_progress: Callable[[RefineProgress], None] | None = None,
-    mask: Path | None = None,
 ) -> RefineReport:
-    """Read the photo and its mask, fit the camera to its size, refine. Raises the GssmcError of whatever cannot be used."""
-    if isinstance(photo, Path):
-        photo = read_photo(photo)
-    if mask is not None:
-        photo = masked(photo, mask)
+    """Fits the camera to the photo's size and refines it. Raises the GssmcError of whatever cannot be used."""
     fitted = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
     return refine(renderer, photo, fitted, settings, on_progress)

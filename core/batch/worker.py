@@ -26,13 +26,13 @@ from ..processes.requests import Requests
 from ..render import Renderer, RenderSettings
 from ..splats import read_splats
 from .find_one import find_target, found_to_dict
-from .refine_one import refine_photo
+from .refine_one import read_masked_photo, refine_photo
 
 Record = dict[str, Any]
 
 
 def main() -> int:
-    """Serve jobs from stdin on stdout."""
+    """Serve requests from stdin on stdout."""
     requests = Requests()
     cv2.setNumThreads(1)
     first, _ = requests.next()
@@ -41,7 +41,8 @@ def main() -> int:
         landmarks = read_map(first["map"], first["key"]) if first.get("map") else None
     except GssmcError as error:
         requests.answer({"error": str(error)})
-        requests.next()  # never comes: whoever heard that ends this process
+        # No request comes, because whoever receives that answer ends this process.
+        requests.next()
         return 0
     renderer, settings = Renderer(scene, RenderSettings.for_scene(scene, threads=1)), RefineSettings(**first["settings"])
     requests.answer({"dropped": scene.dropped})
@@ -60,7 +61,7 @@ def refine_record(
 ) -> Record:
     """The record of one photo; what cannot be used becomes a record that says so."""
     camera = camera_from_dict(camera_dict)
-    return _guarded(camera, lambda: report_to_dict(refine_photo(renderer, photo, camera, settings, mask=mask)))
+    return _guarded(camera, lambda: report_to_dict(refine_photo(renderer, read_masked_photo(photo, mask), camera, settings)))
 
 
 class Finder:

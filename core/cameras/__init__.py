@@ -9,9 +9,9 @@ from pathlib import Path
 
 from ..errors import DatasetError
 from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
-from .files import Start
+from .files import StartCamera
 from .names import match_names
-from .types import PosedFrame, PoseSet, Query, Split, short
+from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
 from .unplaced import read_wanted
 
 log = logging.getLogger(__name__)
@@ -21,7 +21,7 @@ __all__ = [
     "Layout",
     "PoseSet",
     "PosedFrame",
-    "Query",
+    "QueryPhoto",
     "Split",
     "detect",
     "match_names",
@@ -40,7 +40,7 @@ class Layout:
 
     detect: Callable[[Path], bool]
     read: Callable[[Path, Split], PoseSet]
-    queries: Callable[[Path, float | None], list[Query]] | None = None
+    queries: Callable[[Path, float | None], list[QueryPhoto]] | None = None
 
 
 LAYOUTS: dict[str, Layout] = {
@@ -63,19 +63,19 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     return LAYOUTS[_known(path)].read(path, split)
 
 
-def starts(path: Path) -> list[Start]:
+def starts(path: Path) -> list[StartCamera]:
     """The cameras at `path`, in any layout, as starts of refinements; photos without a pose are left out, which is logged.
 
     Raises DatasetError or CameraError.
     """
     if _known(path) == "cameras":
         return _placed(path)
-    return [Start(frame.pose, frame.name, frame.intrinsics) for frame in read(path).frames]
+    return [StartCamera(frame.pose, frame.name, frame.intrinsics) for frame in read(path).frames]
 
 
-def _placed(path: Path) -> list[Start]:
+def _placed(path: Path) -> list[StartCamera]:
     wanted = read_wanted(path)
-    found = [one for one in wanted if isinstance(one, Start)]
+    found = [one for one in wanted if isinstance(one, StartCamera)]
     if not found:
         raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
     if len(found) < len(wanted):
@@ -83,7 +83,7 @@ def _placed(path: Path) -> list[Start]:
     return found
 
 
-def queries(path: Path, focal: float | None = None) -> list[Query]:
+def queries(path: Path, focal: float | None = None) -> list[QueryPhoto]:
     """The test photos of a scene folder. Raises DatasetError when it is none that brings its photos and lenses."""
     ask = LAYOUTS[_known(path)].queries
     if ask is None:

@@ -17,7 +17,7 @@ from ..photos.photo import read_photo
 from .colmap import read_lens
 from .names import match_names
 from .text import data_lines, head, numbers
-from .types import PosedFrame, PoseSet, Query, Split, pose_set, short
+from .types import PosedFrame, PoseSet, QueryPhoto, Split, pose_set, short
 
 LISTS: dict[Split, str] = {"test": "dataset_test.txt", "train": "dataset_train.txt"}
 TITLE, COLUMN_TITLE = "Visual Landmark Dataset", "ImageFile,"
@@ -47,7 +47,7 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     return pose_set(path, frames, metric=True)
 
 
-def queries(path: Path, focal: float | None = None) -> list[Query]:
+def queries(path: Path, focal: float | None = None) -> list[QueryPhoto]:
     """The photos of dataset_test.txt, with `focal` (pixels) or each photo's own lens. Raises DatasetError."""
     names = [columns[0] for _, columns in _rows(path / LISTS["test"])]
     if not names:
@@ -61,7 +61,7 @@ def queries(path: Path, focal: float | None = None) -> list[Query]:
         lenses = [_lens(f, photo) for f, photo in zip(_nvm_focals(path / NVM, names), photos, strict=True)]
     else:
         raise DatasetError(f"'{path.name}' holds neither {LENSES} nor {NVM}; give the focal length in pixels with --focal.")
-    return [Query(name, photo, lens) for name, photo, lens in zip(names, photos, lenses, strict=True)]
+    return [QueryPhoto(name, photo, lens) for name, photo, lens in zip(names, photos, lenses, strict=True)]
 
 
 def _rows(path: Path) -> list[tuple[str, list[str]]]:

@@ -3,7 +3,7 @@
 A camera is {"file", "width", "height", "fx", "fy", "cx", "cy", "dist": [k1, k2, p1, p2(, k3)], "R": 3x3, "t": [3]};
 world-to-camera, OpenCV axes, pixel centres at +0.5. "file" and "dist" may be left out; "focal_guessed": true says that the
 focal length is no calibration, and so does the "lens" of a result for which it was solved. A start may leave out its whole
-lens (see `Start`): the photo then gives one.
+lens (see `StartCamera`): the photo then gives one.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from ..geometry.camera import Camera, Intrinsics, Pose
 from ..support.atomic import atomic_write
 
 T = TypeVar("T")
-SOLVED_LENSES = ("focal", "radial", "full")  # of a result's "lens": what was solved for, which is no calibration
+# Values of a result's "lens" that mean that the lens was solved for. Such a lens is no calibration.
+SOLVED_LENSES = ("focal", "radial", "full")
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 
 
 @dataclass(frozen=True)
-class Start:
+class StartCamera:
     """A rough camera as its file gives it: `intrinsics` is None where the file tells a pose and no lens."""
 
     pose: Pose
@@ -52,7 +53,7 @@ def read_cameras(path: str | Path) -> list[Camera]:
     return parse_file(Path(path), camera_from_dict)
 
 
-def read_starts(path: str | Path) -> list[Start]:
+def read_starts(path: str | Path) -> list[StartCamera]:
     """As `read_cameras`, of cameras that may lack their lens."""
     return parse_file(Path(path), start_from_dict)
 
@@ -105,7 +106,7 @@ def camera_from_dict(data: Any, name: str = "The camera") -> Camera:
     return start.camera(lens)
 
 
-def start_from_dict(data: Any, name: str = "The camera") -> Start:
+def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
     """The start in a JSON object: a camera, or a pose without any of the lens's keys. Raises CameraError."""
     whole = isinstance(data, dict) and any(key in data for key in (*NUMBERS, "dist"))
     _check_keys(data, (*(NUMBERS if whole else ()), "R", "t"), name)
@@ -117,7 +118,7 @@ def start_from_dict(data: Any, name: str = "The camera") -> Start:
     if not isinstance(guessed, bool):
         raise CameraError(f"{name} has a focal_guessed that is neither true nor false; correct it.")
     try:
-        return Start(Pose(R, t), file, lens, guessed or lens is None or data.get("lens") in SOLVED_LENSES)
+        return StartCamera(Pose(R, t), file, lens, guessed or lens is None or data.get("lens") in SOLVED_LENSES)
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
 

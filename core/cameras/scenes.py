@@ -37,7 +37,8 @@ def find_scenes(truth: Path, split: Split) -> list[Scene]:
     folders = [folder for folder in sorted(truth.iterdir()) if folder.is_dir() and not folder.name.startswith(".")]
     found = {folder.name: path for folder in folders if (path := _poses_in(folder)) is not None}
     if not found:
-        read(truth, split)  # says what such a folder should hold
+        # The error that it raises says what such a folder should hold.
+        read(truth, split)
     return [Scene(name, read(path, split)) for name, path in found.items()]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import CameraError, DatasetError
 from ..geometry.camera import Intrinsics, Pose
 from .text import data_lines, numbers
-from .types import PosedFrame, PoseSet, Query, Split, pose_set
+from .types import PosedFrame, PoseSet, QueryPhoto, Split, pose_set
 
 SPLIT_FILES: dict[Split, str] = {"test": "TestSplit.txt", "train": "TrainSplit.txt"}
 SEQUENCE = re.compile(r"seq(?:uence)?[-_]?0*([0-9]{1,6})", re.IGNORECASE)
@@ -42,13 +42,13 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     return pose_set(path, frames, metric=True)
 
 
-def queries(path: Path, focal: float | None = None) -> list[Query]:
+def queries(path: Path, focal: float | None = None) -> list[QueryPhoto]:
     """The photos of the test split, with the data set's lens or the focal length given (pixels at 640 x 480)."""
     lens = Intrinsics(WIDTH, HEIGHT, focal or FOCAL, focal or FOCAL, WIDTH / 2, HEIGHT / 2)
     photos = [photo for folder in sequences(path, "test") for photo in sorted(folder.glob(PHOTOS))]
     if not photos:
         raise DatasetError(f"'{path.name}' has no frame-*.color.png in its test sequences; unpack its seq-*.zip first.")
-    return [Query(_name(photo, path), photo, lens) for photo in photos]
+    return [QueryPhoto(_name(photo, path), photo, lens) for photo in photos]
 
 
 def sequences(path: Path, split: Split) -> list[Path]:

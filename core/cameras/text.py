@@ -10,8 +10,10 @@ from ..errors import CameraError, DatasetError
 from ..geometry.camera import Pose
 from ..geometry.quaternion import rotation_from_quaternion
 
-MAX_LINE_BYTES = 1 << 24  # a COLMAP image with half a million points; more is no line of a text file
-LARGEST = 1e12  # squares of it are still exact enough to be compared
+# A line of a COLMAP image with half a million points has that size. A longer line is not of a text file.
+MAX_LINE_BYTES = 1 << 24
+# The square of a larger number would not be exact enough to be compared.
+LARGEST = 1e12
 HEAD_BYTES = 1 << 16
 POSE_COLUMNS = "qw qx qy qz tx ty tz"
 

@@ -11,7 +11,8 @@ from ..errors import DatasetError
 from ..geometry.camera import Intrinsics, Pose
 
 Split = Literal["test", "train"]
-LONGEST_NAME = 100  # characters of it that an error shows
+# An error shows so many characters of a name.
+LONGEST_NAME = 100
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class PoseSet:
 
 
 @dataclass(frozen=True)
-class Query:
+class QueryPhoto:
     """A photo to be placed: its name inside the data set, its file, and its lens."""
 
     name: str

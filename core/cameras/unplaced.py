@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..geometry.camera import Camera, Intrinsics, Pose
-from .files import NUMBERS, Start, camera_to_dict, parse_file, start_from_dict
+from .files import NUMBERS, StartCamera, camera_to_dict, parse_file, start_from_dict
 
 POSE = ("R", "t")
 
@@ -33,12 +33,12 @@ class Unplaced:
         return cls(camera.file, camera.intrinsics, camera.focal_guessed)
 
 
-def read_wanted(path: str | Path) -> list[Start | Unplaced]:
+def read_wanted(path: str | Path) -> list[StartCamera | Unplaced]:
     """The records of a camera JSON, in its order, each with or without a pose. Raises CameraError."""
     return parse_file(Path(path), wanted_from_dict)
 
 
-def wanted_from_dict(data: Any, name: str = "The camera") -> Start | Unplaced:
+def wanted_from_dict(data: Any, name: str = "The camera") -> StartCamera | Unplaced:
     """The record in a JSON value. `name` begins the sentence of a CameraError, which whatever is half a pose raises."""
     if isinstance(data, str):
         return Unplaced(data)

@@ -10,7 +10,7 @@ def say(text: str) -> None:
     sys.stdout.write(text + "\n")
 
 
-def note(text: str, end: str = "\n") -> None:
+def message(text: str, end: str = "\n") -> None:
     """A line beside the result: progress, warnings, errors."""
     sys.stderr.write(text + end)
     sys.stderr.flush()

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from ..errors import GssmcError
 from .commands import batch, convert, demo, evaluate, features, locate, refine, render
 from .commands import map as make_map
-from .console import note
+from .console import message
 from .flags import OneLineParser
 from .outcome import BAD_INPUT, INTERRUPTED, Outcome
 
@@ -72,10 +72,10 @@ def main(
             f"The file{where} cannot be used ({error.strerror or error}); check the path, its permissions and the disk."
         )
     except KeyboardInterrupt:
-        note("Interrupted; what was finished is saved.")
+        message("Interrupted; what was finished is saved.")
         return INTERRUPTED
 
 
 def _complain(sentence: str) -> int:
-    note(" ".join(sentence.split()))
+    message(" ".join(sentence.split()))
     return BAD_INPUT

@@ -14,7 +14,7 @@ from ..locate.known_cameras import read_known
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
 from ..splats import GaussianScene
-from .console import note
+from .console import message
 from .progress import ProgressBar
 
 CACHES = ("scan", "user")
@@ -50,7 +50,7 @@ class MapFlags:
         self.place.check()
         self.known: list[Camera] = [] if args.cameras is None else read_known(args.cameras)
         if self.known:
-            note(f"The map begins with up to {self.settings.views} of the {len(self.known)} cameras in '{args.cameras}'.")
+            message(f"The map begins with up to {self.settings.views} of the {len(self.known)} cameras in '{args.cameras}'.")
 
     @property
     def word(self) -> str:

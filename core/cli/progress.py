@@ -6,10 +6,11 @@ import sys
 import time
 from types import TracebackType
 
-from .console import note
+from .console import message
 
 WIDTH = 28
-MIN_GAIN = 0.02  # a guess from less is worth nothing
+# The remaining time is not estimated from less progress than this.
+MIN_GAIN = 0.02
 
 
 class ProgressBar:
@@ -28,7 +29,7 @@ class ProgressBar:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if self._terminal and self._drawn:
-            note("")
+            message("")
 
     def show(self, fraction: float, text: str) -> None:
         """Draw `fraction` 0..1 with a few words on what is going on."""
@@ -41,10 +42,10 @@ class ProgressBar:
         bar = "#" * round(fraction * WIDTH)
         line = f"{self._label} [{bar:<{WIDTH}}] {fraction:4.0%}  {text}{self._remaining(fraction)}"
         if self._terminal:
-            note(f"\r{line:<{self._drawn}}", end="")
+            message(f"\r{line:<{self._drawn}}", end="")
             self._drawn = len(line)
         else:
-            note(line)
+            message(line)
 
     def _remaining(self, fraction: float) -> str:
         gained = fraction - (self._first or 0.0)

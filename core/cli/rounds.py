@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..batch.find_one import joined
-from ..batch.keys import Query
+from ..batch.keys import BatchQuery
 from ..batch.store import ResultStore
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..locate import write_map
@@ -17,7 +17,7 @@ from ..pose.settings import RefineSettings
 from ..processes.pool import Pool
 from ..splats import read_splats
 from ..support.scratch import ScratchFolder
-from .console import note
+from .console import message
 from .maps import MapFlags, whole_map
 from .progress import ProgressBar
 
@@ -33,7 +33,7 @@ class Rounds:
     settings: RefineSettings
     flags: MapFlags | None
 
-    def run(self, queries: Sequence[Query], store: ResultStore) -> None:
+    def run(self, queries: Sequence[BatchQuery], store: ResultStore) -> None:
         """Puts a record of each query into the store that has none yet."""
         first = {"scene": str(self.scene.resolve()), "settings": {**asdict(self.settings), "threads": 1}}
         from_start = [i for i, q in enumerate(queries) if i not in store.records and not isinstance(q.camera, Unplaced)]
@@ -45,7 +45,7 @@ class Rounds:
         if to_find and self.flags is not None:
             self._find(self.flags, first, to_find, _Round(queries, store), said)
         if said.dropped:
-            note(f"Left out {said.dropped} Gaussians of the scan whose values are NaN or infinite.")
+            message(f"Left out {said.dropped} Gaussians of the scan whose values are NaN or infinite.")
 
     def _find(self, flags: MapFlags, first: dict[str, Any], to_find: list[int], work: _Round, said: _Said) -> None:
         """Makes sure that there is a map, and hands it to all workers as a file that nobody else writes to."""
@@ -72,7 +72,7 @@ class _Said:
 class _Round:
     """Jobs of one kind over a pool of workers. `mark`: failed ones are to be searched for later."""
 
-    queries: Sequence[Query]
+    queries: Sequence[BatchQuery]
     store: ResultStore
     mark: bool = False
 
@@ -89,7 +89,7 @@ class _Round:
                 self.store.put(index, self._final(index, record))
                 self._show(bar)
 
-    def _job(self, query: Query) -> dict[str, Any]:
+    def _job(self, query: BatchQuery) -> dict[str, Any]:
         mask = str(query.mask) if query.mask else None
         return {"camera": wanted_to_dict(query.camera), "photo": str(query.photo), "mask": mask}
 

@@ -17,7 +17,8 @@ from .registry import AUTO, EXTRACTORS, MATCHERS, ExtractorKind, MatcherKind, mi
 from .subpixel import SubpixelAligner
 from .types import Extractor, Features, Grey, Mask, Matcher
 
-FIRST, STRONGER = "sift", "aliked"  # what auto starts with, and what takes over
+# What "auto" starts with, and what takes over where that finds no answer.
+FIRST, STRONGER = "sift", "aliked"
 NO_PATH = Path()
 WIDE_RATIO = 0.9
 

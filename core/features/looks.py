@@ -43,7 +43,8 @@ class Looks:
             return self.extractor.extract(grey)
         height, width = grey.shape
         size, there = copy_map(width, height, roll_deg, scale)
-        centred = there.copy()  # the same map between OpenCV's pixels
+        # The same map, between pixels as OpenCV counts them.
+        centred = there.copy()
         centred[:, 2] = to_opencv_pixels(there[:, :2] @ from_opencv_pixels((0.0, 0.0)) + there[:, 2])
         copy = cv2.warpAffine(grey, centred, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         found = self.extractor.extract(np.asarray(copy, np.uint8))

@@ -18,7 +18,8 @@ from .matchers.lightglue import LightGlue
 from .matchers.nearest import MutualNearest
 from .types import Extractor, Matcher
 
-AUTO = "auto"  # no extractor of its own: a rule for which one to use, see frontend
+# No extractor of its own, but a rule for which one to use; see `frontend`.
+AUTO = "auto"
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,10 @@ from ..geometry.conventions import from_opencv_pixels, to_opencv_pixels
 BoolArray = NDArray[np.bool_]
 
 NORMALISE_SIGMA_PX = 5.0
-NORMALISE_GAIN = 40.0  # grey levels that one local standard deviation becomes
-NORMALISE_FLOOR = 16.0  # grey levels squared; keeps flat regions from becoming amplified noise
+# The number of grey levels that one local standard deviation becomes.
+NORMALISE_GAIN = 40.0
+# A variance (grey levels squared) that keeps flat regions from becoming amplified noise.
+NORMALISE_FLOOR = 16.0
 LK_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.003)
 
 

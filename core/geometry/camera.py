@@ -134,7 +134,10 @@ class Intrinsics:
 
     def undistort(self, pixels: ArrayLike) -> FloatArray:
         """Distorted pixels (N, 2) to the pixels of `self.pinhole()` (N, 2)."""
-        n = self.normalise(pixels)
+        return self.to_pixels(self.normalise(pixels))
+
+    def to_pixels(self, n: FloatArray) -> FloatArray:
+        """Ideal image-plane coordinates x/z, y/z (N, 2) to the pixels of `self.pinhole()` (N, 2)."""
         return n * (self.fx, self.fy) + (self.cx, self.cy)
 
 

@@ -15,6 +15,7 @@ from ..pose.refine import iterate_refinement
 from ..pose.report import RefineProgress, RefineReport, Verdict
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
+from ..support.steps import converted, run_to_end
 from .build import MapStep
 from .hypotheses import Hypothesis
 from .landmarks import LandmarkMap
@@ -60,18 +61,7 @@ def find_camera(
     on_progress: Callable[[FindProgress], None] | None = None,
 ) -> FindReport:
     """Runs `iterate_finding` to its end. `on_progress` may raise (for example Cancelled) to stop it."""
-    work = iterate_finding(renderer, target, source, settings or RefineSettings())
-    try:
-        while True:
-            try:
-                progress = next(work)
-            except StopIteration as end:
-                report: FindReport = end.value
-                return report
-            if on_progress is not None:
-                on_progress(progress)
-    finally:
-        work.close()
+    return run_to_end(iterate_finding(renderer, target, source, settings or RefineSettings()), on_progress)
 
 
 def iterate_finding(
@@ -135,13 +125,8 @@ class _Job:
             self._left -= 1
             start = located.camera(one, self._target.photo.file)
             work = iterate_refinement(self._renderer, self._target.photo, start, self._settings)
-            while True:
-                try:
-                    progress = next(work)
-                except StopIteration as end:
-                    self._keep(end.value, one)
-                    break
-                yield FindProgress("refining", 0.5 + 0.5 * progress.fraction, len(landmarks), progress)
+            report = yield from converted(work, lambda p: FindProgress("refining", 0.5 + 0.5 * p.fraction, len(landmarks), p))
+            self._keep(report, one)
 
     def _settled(self, one: Hypothesis) -> bool:
         """Whether this place has a camera already: a better hypothesis of it would be refined to the same one."""

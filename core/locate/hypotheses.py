@@ -8,13 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry.camera import FloatArray, Pose, rotation_angle_deg
-from ..pose.search.depth_pnp import polish
-from ..pose.search.observe import Query
+from ..pose.search.depth_pnp import ScaledPose, polish, ransac_pose
+from ..pose.search.observe import PhotoFeatures
+from ..pose.shared.corners import filled_cells
 from .matching import Pairs
 
 GRID = 6  # cells along each side of the photo, as in the verdict's coverage
@@ -69,7 +68,7 @@ def merged(found: Iterable[Hypothesis]) -> list[Hypothesis]:
     return out
 
 
-def sampled_pose(query: Query, pairs: Pairs, guessed: bool) -> tuple[Pose, float] | None:
+def sampled_pose(query: PhotoFeatures, pairs: Pairs, guessed: bool) -> tuple[Pose, float] | None:
     """The pose and focal factor that most of one view's pairs agree with, by RANSAC; None where fewer than MIN_INLIERS do."""
     if len(pairs) < MIN_PAIRS:
         return None
@@ -83,10 +82,12 @@ def sampled_pose(query: Query, pairs: Pairs, guessed: bool) -> tuple[Pose, float
     return best, factor
 
 
-def _best(query: Query, pairs: Pairs, factors: Sequence[float], rounds: int) -> tuple[Pose | None, float]:
+def _best(query: PhotoFeatures, pairs: Pairs, factors: Sequence[float], rounds: int) -> tuple[Pose | None, float]:
     best, most, at = None, MIN_INLIERS - 1, 1.0
     for factor in factors:
-        pose = ransac(pairs.points, query.points[pairs.feature] / factor, SAMPLE_PX / (query.pinhole.focal * factor), rounds)
+        pose = ransac_pose(
+            pairs.points, query.points[pairs.feature] / factor, SAMPLE_PX / (query.pinhole.focal * factor), rounds
+        )
         if pose is None:
             continue
         near = errors_px(query, pairs, pose, factor) < SAMPLE_PX
@@ -96,55 +97,31 @@ def _best(query: Query, pairs: Pairs, factors: Sequence[float], rounds: int) -> 
     return best, at
 
 
-def ransac(points: FloatArray, seen: FloatArray, tolerance: float, rounds: int) -> Pose | None:
-    """The pose under which most `points` (N, 3) fall within `tolerance` of `seen` (N, 2), ideal image-plane coordinates."""
-    try:
-        ok, rotation, translation, _ = cv2.solvePnPRansac(
-            np.ascontiguousarray(points, np.float64),
-            np.ascontiguousarray(seen, np.float64),
-            np.eye(3),
-            None,
-            iterationsCount=rounds,
-            reprojectionError=tolerance,
-            confidence=0.999,
-            flags=cv2.SOLVEPNP_AP3P,
-        )
-    except cv2.error:  # raised on degenerate points; they hold no pose
-        return None
-    if not ok or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
-        return None
-    return Pose(np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(translation, np.float64).ravel())
-
-
-def grown_pose(query: Query, pool: Pairs, pose: Pose, factor: float, guessed: bool) -> Hypothesis | None:
+def grown_pose(query: PhotoFeatures, pool: Pairs, pose: Pose, factor: float, guessed: bool) -> Hypothesis | None:
     """The hypothesis that all pairs near `pose` agree on; None where too few do."""
     for _ in range(2):
         near = errors_px(query, pool, pose, factor) < GROW_PX
         if near.sum() < MIN_INLIERS:
             return None
         own = pool.take(near)
-        pose, factor = polish(pose, factor, own.points, query.points[own.feature], query.pinhole.focal, free_focal=guessed)
+        start = ScaledPose(pose, factor)
+        polished = polish(start, own.points, query.points[own.feature], query.pinhole.focal, free_focal=guessed)
+        pose, factor = polished.pose, polished.scale
     return judged(query, pool, pose, factor)
 
 
-def judged(query: Query, pool: Pairs, pose: Pose, factor: float) -> Hypothesis | None:
+def judged(query: PhotoFeatures, pool: Pairs, pose: Pose, factor: float) -> Hypothesis | None:
     """How many pairs agree with a pose; None where fewer than MIN_INLIERS features do."""
     near = errors_px(query, pool, pose, factor) < COUNT_PX
     features = np.unique(pool.feature[near])
     if len(features) < MIN_INLIERS:
         return None
-    depth = float(np.median(pose.transform(pool.points[near])[:, 2]))
-    return Hypothesis(pose, factor, len(features), filled_cells(query, features), depth)
+    depth, lens = float(np.median(pose.transform(pool.points[near])[:, 2])), query.image.intrinsics
+    cells = filled_cells(query.features.keypoints[features], (lens.width, lens.height), GRID)
+    return Hypothesis(pose, factor, len(features), cells, depth)
 
 
-def filled_cells(query: Query, features: NDArray[np.intp]) -> int:
-    """How many of the photo's GRID x GRID cells hold one of these features."""
-    size = (query.image.intrinsics.width, query.image.intrinsics.height)
-    cells = np.clip((query.features.keypoints[features] / size * GRID).astype(int), 0, GRID - 1)
-    return len(np.unique(cells, axis=0))
-
-
-def errors_px(query: Query, pairs: Pairs, pose: Pose, factor: float) -> FloatArray:
+def errors_px(query: PhotoFeatures, pairs: Pairs, pose: Pose, factor: float) -> FloatArray:
     """Distance (M,) in the photo's pixels between each landmark and its feature; infinite behind the camera."""
     p = pose.transform(pairs.points)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from ..features.types import Features
 from ..geometry.camera import Pose
-from .viewpoints.eye import Look
+from .viewpoints.eye import RenderedFeatures
 
 DESCRIPTOR_SCALE = 512.0  # RootSIFT's components are below a half but for degenerate patches; 8 bits lose no match
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MapView:
     """A view of the map and its landmarks.
 
@@ -37,13 +37,13 @@ class MapView:
         return Features(np.zeros((len(self), 2)), self.descriptors.astype(np.float32) * np.float32(1 / DESCRIPTOR_SCALE))
 
     @classmethod
-    def of(cls, look: Look, known: bool = False) -> MapView:
+    def of(cls, look: RenderedFeatures, known: bool = False) -> MapView:
         """The view that `look` saw."""
         scaled = np.rint(look.features.descriptors * np.float32(DESCRIPTOR_SCALE))
         return cls(look.pose, look.points.astype(np.float32), np.clip(scaled, 0, 255).astype(np.uint8), look.depth, known)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LandmarkMap:
     """The views in the order in which they were made: every prefix is a map too, which finds fewer photos.
 

@@ -10,7 +10,7 @@ from ..features.frontend import Frontend
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import guess_lens
 from ..photos.photo import Photo
-from ..pose.search.observe import Query, make_query
+from ..pose.search.observe import PhotoFeatures, extract_photo_features
 from ..render.view import ViewRenderer
 from .check import checked
 from .hypotheses import MIN_INLIERS, Hypothesis
@@ -67,7 +67,7 @@ class Locator:
         self.lens = target.intrinsics or guess_lens(target.photo).intrinsics
         self._renderer = renderer
         self._frontend = Frontend(RootSift(MAX_FEATURES, CONTRAST))
-        self.query: Query = make_query(target.photo, self.lens, PHOTO_SIDE_PX, self._frontend)
+        self.query: PhotoFeatures = extract_photo_features(target.photo, self.lens, PHOTO_SIDE_PX, self._frontend)
         self._search = Search(self.query, self.guessed, self._frontend.matcher)
         self._refused: list[Hypothesis] = []
         self._confirmed: list[tuple[Hypothesis, Hypothesis]] = []  # as the map had it, and as the render there has it

@@ -13,7 +13,7 @@ from ..geometry.camera import FloatArray
 from .landmarks import MapView
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pairs:
     """M pairs: `feature` (M,) index of the photo's feature, `points` (M, 3) float64 the landmark's place in the world."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..features.matchers.nearest import MutualNearest
 from ..features.types import Matcher
 from ..geometry.camera import Pose
-from ..pose.search.observe import Query
+from ..pose.search.observe import PhotoFeatures
 from .hypotheses import Hypothesis, grown_pose, merged, sampled_pose
 from .landmarks import MapView
 from .matching import Pairs, pair_view
@@ -20,7 +20,7 @@ SEEDS, SEEDS_GUESSED = 24, 12  # views with the most matches; with an unknown fo
 class Search:
     """One photo's search. `guessed`: the focal length is searched for as well."""
 
-    def __init__(self, query: Query, guessed: bool, matcher: Matcher | None = None) -> None:
+    def __init__(self, query: PhotoFeatures, guessed: bool, matcher: Matcher | None = None) -> None:
         self.query, self.guessed = query, guessed
         self._matcher = matcher or MutualNearest()
         self._pairs: list[Pairs] = []

@@ -19,7 +19,8 @@ PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 MAX_ENTRIES, ENTRY_BYTES = 512, 12
 BYTE_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
-FIRST_DIRECTORY = slice(4, 8)  # where the place of the first directory stands
+# The bytes that hold the offset of the first directory.
+FIRST_DIRECTORY = slice(4, 8)
 READERS = {1: ("B", 1), 3: ("H", 2), 4: ("I", 4), 5: ("II", 8), 9: ("i", 4), 10: ("ii", 8)}  # EXIF type: struct code, size
 
 

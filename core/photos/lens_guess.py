@@ -10,7 +10,8 @@ from ..geometry.camera import Intrinsics
 from ..geometry.conventions import focal_px_from_35mm
 from .photo import Photo, photo_facts
 
-DEFAULT_FOV_DEG = 55.0  # across the long side, about 35 mm on full frame: between a phone's wide lens and a normal one
+# Across the long side; about 35 mm on full frame, which lies between a phone's wide lens and a normal one.
+DEFAULT_FOV_DEG = 55.0
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class LensGuess:
     focal_35mm: float | None
 
     @property
-    def words(self) -> str:
+    def assumption(self) -> str:
         """What was assumed, as part of a sentence."""
         if self.focal_35mm is None:
             return f"{DEFAULT_FOV_DEG:g} degrees across the long side are assumed, for the photo tells no focal length"

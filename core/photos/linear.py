@@ -10,7 +10,8 @@ from ..errors import PhotoError
 from .photo import Photo
 from .size import reduction
 
-WHITE_SHARE = 0.99  # of the pixels that are darker than what becomes white
+# So large a share of the pixels is darker than what becomes white.
+WHITE_SHARE = 0.99
 LINEAR_END, LINEAR_SLOPE, POWER, SCALE, OFFSET = 0.0031308, 12.92, 1 / 2.4, 1.055, 0.055  # the sRGB curve, IEC 61966-2-1
 
 

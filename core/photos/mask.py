@@ -12,7 +12,8 @@ from ..errors import PhotoError
 from .photo import Photo, read_photo
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
-WHITE = 128  # of 255
+# From this level (of 255) on, a pixel of the mask counts as white.
+WHITE = 128
 
 
 def find_mask(masks: Path, photo: Path) -> Path | None:

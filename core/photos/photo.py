@@ -81,7 +81,8 @@ def _decoded(path: Path, data: bytes, exif: Exif) -> Photo:
     turned = exif.orientation != 1 and not data.startswith(TIFF_SIGNATURES)
     if exif.orientation != 1:
         notes.append(f"The photo is {ROTATION_WORDS[exif.orientation]}, as its EXIF data say.")
-    if turned:  # OpenCV 5 turns a TIFF even when told to leave the pixels alone
+    # OpenCV 5 turns a TIFF even when it is told to leave the pixels alone.
+    if turned:
         raw = _turn(raw, exif.orientation)
     if factor > 1:
         full = full[::-1] if turned and exif.orientation >= 5 else full
@@ -137,7 +138,8 @@ def check_size(photo: Photo, intrinsics: Intrinsics) -> Intrinsics:
     pw, ph, cw, ch = photo.width, photo.height, intrinsics.width, intrinsics.height
     if (pw, ph) == (cw, ch):
         return intrinsics
-    slack = max(1.0, pw / cw, ph / ch)  # one pixel of the larger image's grid
+    # One pixel of the larger image's grid.
+    slack = max(1.0, pw / cw, ph / ch)
     if max((pw - slack) / cw, (ph - slack) / ch) <= min((pw + slack) / cw, (ph + slack) / ch):
         return intrinsics.resized(pw, ph)
     turned = " turned by 90 degrees" if (pw - ph) * (cw - ch) < 0 else ""
@@ -159,7 +161,8 @@ def _read_bytes(path: Path) -> bytes:
         raise PhotoError(f"The photo '{path}' cannot be read ({error.strerror}); check its permissions.") from error
     if not data:
         raise PhotoError(f"The photo '{path}' is empty (0 bytes); copy it again.")
-    if data.startswith(jpeg.SIGNATURE) and not jpeg.is_whole(data):  # decoders fill the rest with grey
+    # Decoders fill what is missing with grey.
+    if data.startswith(jpeg.SIGNATURE) and not jpeg.is_whole(data):
         raise PhotoError(f"The photo '{path.name}' is cut off: the JPEG has no end; copy it again.")
     return data
 
@@ -176,14 +179,17 @@ def _decode(data: bytes, path: Path) -> tuple[NDArray[Any], int, tuple[int, int]
     size = check_pixels(data, path.name)
     factor = reduction(size) if size else 1
     flags = cv2.IMREAD_UNCHANGED
-    if factor > 1 and data.startswith(jpeg.SIGNATURE):  # the decoder leaves pixels out, which saves their memory
+    # The decoder leaves pixels out, so that they take no memory.
+    if factor > 1 and data.startswith(jpeg.SIGNATURE):
         flags = REDUCED_JPEG[factor] | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         raw = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
         if raw is not None and raw.size and factor > 1 and flags == cv2.IMREAD_UNCHANGED:
-            size = raw.shape[1], raw.shape[0]  # OpenCV turns TIFFs
+            # OpenCV has turned the TIFF.
+            size = raw.shape[1], raw.shape[0]
             raw = cv2.resize(raw, (raw.shape[1] // factor, raw.shape[0] // factor), interpolation=cv2.INTER_AREA)
-    except (cv2.error, MemoryError):  # too many pixels, or a header that asserts
+    # The image has too many pixels, or its header makes the decoder raise.
+    except (cv2.error, MemoryError):
         raw = None
     if raw is None or raw.size == 0:
         raise PhotoError(f"The photo '{path.name}' cannot be decoded; save it as JPEG, PNG, TIFF or WebP.")

@@ -7,8 +7,10 @@ from . import jpeg
 from .exif import tiff_size
 
 EXR_SIGNATURE = b"\x76\x2f\x31\x01"
-MAX_PIXELS = 32 << 20  # more are reduced; the method works at a long side of some hundred pixels
-LARGEST_PIXELS = 400_000_000  # more are refused
+# A larger photo is reduced, because the method works at a long side of some hundred pixels.
+MAX_PIXELS = 32 << 20
+# A photo with more pixels is refused.
+LARGEST_PIXELS = 400_000_000
 FACTORS = (2, 4, 8)
 FRAME_MARKERS = (0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 

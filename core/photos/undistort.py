@@ -13,7 +13,8 @@ from ..geometry.camera import Intrinsics
 from ..geometry.conventions import pixel_centres, to_opencv_pixels
 from .photo import Photo
 
-ROWS = 256  # mapped at a time: the map of a whole photo would take several times its memory
+# So many rows are mapped at a time, because the map of a whole photo would take several times its memory.
+ROWS = 256
 
 
 def undistorted(photo: Photo, lens: Intrinsics) -> Photo:

@@ -21,12 +21,17 @@ Image = NDArray[np.uint8]
 SOLID = 0.5  # alpha from which on a pixel of the render shows the scan
 SQUARES = 6  # along the longer side of the chessboard
 LINE = (255, 255, 255)
-FULL_HEAT = 64.0  # a difference of this many of 255 steps is the hottest colour
-HEAT_BLUR_PX = 1.5  # grain and the lost pixel of sharpness are no misfit
-GREY_SHARE = 0.35  # of the photo under the heat
-MAX_LINES = 60  # more of them hide the pictures
+# A difference of this many grey levels (of 255) gets the hottest colour.
+FULL_HEAT = 64.0
+# Grain and one pixel of lost sharpness are no misfit.
+HEAT_BLUR_PX = 1.5
+# How much of the photo shows under the heat.
+GREY_SHARE = 0.35
+# More lines would hide the pictures.
+MAX_LINES = 60
 GOOD, BAD = (60, 220, 90), (235, 70, 60)
-STAYED_SHARE = 0.004  # of the long side: a match that moved less between photo and render sits where it should
+# A share of the long side. A match that moved less than this between photo and render sits where it should.
+STAYED_SHARE = 0.004
 SOLID_PIXELS_FOR_EXPOSURE = 100
 
 

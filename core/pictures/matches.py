@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..features.frontend import make_frontend
 from ..geometry.camera import Camera, FloatArray, Intrinsics
 from ..photos.photo import Photo
-from ..pose.search.observe import make_query, observe
+from ..pose.search.observe import extract_photo_features, observe
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
 from .compare import DrawnMatches, judge_matches
@@ -17,7 +17,7 @@ def matches_at(renderer: ViewRenderer, photo: Photo, camera: Camera, settings: R
     `camera` is at the photo's size. Raises FeatureError when the settings' features cannot be used.
     """
     with make_frontend(settings) as frontend:
-        query = make_query(photo, camera.intrinsics, settings.long_side_px, frontend)
+        query = extract_photo_features(photo, camera.intrinsics, settings.long_side_px, frontend)
         found = observe(renderer, query, camera.pose, True, frontend).matches
     k = camera.intrinsics
     return judge_matches(_pixels(k, found.query), _pixels(k, found.view), max(photo.width, photo.height))

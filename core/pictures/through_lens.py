@@ -13,7 +13,8 @@ from ..geometry.camera import Camera, Intrinsics
 from ..geometry.conventions import pixel_centres, to_opencv_pixels
 from ..render.view import ViewRenderer
 
-MAX_PAD_RATIO = 1.0  # of the image's side; a lens model that folds over would ask for an endless canvas
+# A share of the image's side. A lens model that folds over would ask for an endless canvas.
+MAX_PAD_RATIO = 1.0
 
 
 def render_through_lens(renderer: ViewRenderer, camera: Camera, supersample: int = 1) -> NDArray[np.float32]:

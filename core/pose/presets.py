@@ -11,7 +11,7 @@ PRESETS: dict[str, RefineSettings] = {
     "cambridge": RefineSettings(iterations=4, candidates=6, perturb_translation_units=4.0, perturb_rotation_deg=2.0),
 }
 
-# What a quality sets; what it leaves out (features, lens, the size of the steps, the seed) says nothing about cost.
+# The settings of each quality. Those that do not change the cost (features, lens, size of the steps, seed) are not among them.
 QUALITIES: dict[str, Mapping[str, int]] = {
     "draft": {"iterations": 3, "candidates": 4, "long_side_px": 480, "final_long_side_px": 960},
     "normal": {"iterations": 5, "candidates": 6, "long_side_px": 640, "final_long_side_px": 1280},

@@ -14,16 +14,17 @@ from ..features.frontend import Frontend, make_frontend
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
-from .final.solution import Solution, from_epipolar
-from .final.stage import final_stage
+from ..support.steps import converted, run_to_end
+from .final.solution import FittedCamera, from_epipolar
+from .final.stage import FinalStage
 from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
-from .search.loop import LOOP_SHARE, Answer, Loop, Outcome
-from .search.observe import Query, make_query
+from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
+from .search.observe import PhotoFeatures, extract_photo_features
 from .settings import RefineSettings
-from .shared.lens import LensCamera, LensMode
+from .shared.lens import CameraUnknowns, LensMode
 from .shared.working import WorkingPhoto
-from .verdict import words
-from .verdict.verdict import Matched, assess, assess_start, fits_better, judge
+from .verdict import sentences
+from .verdict.verdict import LoopMatches, assess, assess_start, fits_better, judge
 from .verdict.verify import FinalView, view_at
 
 log = logging.getLogger(__name__)
@@ -31,7 +32,8 @@ log = logging.getLogger(__name__)
 Progress = Generator[RefineProgress, None, "RefineReport"]
 
 MIN_PHOTO_FEATURES = 30
-WORSE_AGREEMENT = 0.05  # share of corners by which a refined camera may fit worse than its start before the start is kept
+# The start is kept where the refined camera agrees with fewer of the photo's corners by more than this share.
+WORSE_AGREEMENT = 0.05
 
 
 def refine(
@@ -42,18 +44,7 @@ def refine(
     on_progress: Callable[[RefineProgress], None] | None = None,
 ) -> RefineReport:
     """Runs `iterate_refinement` to its end. `on_progress` may raise (for example Cancelled) to stop it."""
-    work = iterate_refinement(renderer, photo, camera, settings or RefineSettings())
-    try:
-        while True:
-            try:
-                progress = next(work)
-            except StopIteration as end:
-                report: RefineReport = end.value
-                return report
-            if on_progress is not None:
-                on_progress(progress)
-    finally:
-        work.close()
+    return run_to_end(iterate_refinement(renderer, photo, camera, settings or RefineSettings()), on_progress)
 
 
 def iterate_refinement(renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings) -> Progress:
@@ -70,24 +61,24 @@ def _refine_with(
     frontend: Frontend, renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings
 ) -> Progress:
     began = time.perf_counter()
-    job = _Job(renderer, photo, camera, settings, lens_mode(settings, camera))
-    look = partial(make_query, photo, camera.intrinsics, settings.long_side_px)
-    loop, query = Loop(renderer, settings, frontend, job.mode, look), look(frontend)
+    refinement = _Refinement(renderer, photo, camera, settings, lens_mode(settings, camera))
+    extract = partial(extract_photo_features, photo, camera.intrinsics, settings.long_side_px)
+    loop, features = Loop(renderer, settings, frontend, refinement.mode, extract), extract(frontend)
     records: list[IterationRecord] = []
-    if len(query.features) < MIN_PHOTO_FEATURES:
-        loop, query = loop.stronger(query, 0, 1)
-    if len(query.features) < MIN_PHOTO_FEATURES:
-        reason = f"The photo shows only {len(query.features)} features; it is too dark, blurred or plain to be placed."
-        return job.report(None, _Judged("failed", (reason,)), records, began)
+    if len(features) < MIN_PHOTO_FEATURES:
+        loop, features = loop.stronger(features, 0, 1)
+    if len(features) < MIN_PHOTO_FEATURES:
+        reason = f"The photo shows only {len(features)} features; it is too dark, blurred or plain to be placed."
+        return refinement.report(None, _Judgement("failed", (reason,)), records, began)
     rng = np.random.default_rng(settings.seed)
-    outcome = yield from loop.run(query, camera.pose, records, rng)
-    answer = outcome.answer
+    result = yield from loop.run(features, camera.pose, records, rng)
+    answer = result.answer
     if answer is None:
-        return job.report(None, _Judged("failed", (outcome.problem,), outcome.details), records, began)
-    solution, seen = yield from job.finish(query, answer, len(records), rng)
-    judged = job.judged(answer, solution, seen, outcome)
-    refined = job.full_size(solution.camera) if judged.evidence_of("refined") else None
-    return job.report(refined, judged, records, began, None if judged.evidence_of("start") else solution)
+        return refinement.report(None, _Judgement("failed", (result.problem,), result.details), records, began)
+    solution, agreement = yield from refinement.finish(features, answer, len(records), rng)
+    judgement = refinement.judge(answer, solution, agreement, result)
+    refined = refinement.full_size(solution.camera) if judgement.is_of("refined") else None
+    return refinement.report(refined, judgement, records, began, None if judgement.is_of("start") else solution)
 
 
 def lens_mode(settings: RefineSettings, camera: Camera) -> LensMode:
@@ -98,7 +89,7 @@ def lens_mode(settings: RefineSettings, camera: Camera) -> LensMode:
 
 
 @dataclass(frozen=True)
-class _Judged:
+class _Judgement:
     """The verdict with its words, and the evidence where a pose was found."""
 
     verdict: Verdict
@@ -106,13 +97,16 @@ class _Judged:
     details: tuple[str, ...] = ()
     quality: PoseQuality | None = None
 
-    def evidence_of(self, pose: EvidenceOf) -> bool:
+    def is_of(self, pose: EvidenceOf) -> bool:
+        """Whether there is evidence and it belongs to the pose named."""
         return self.quality is not None and self.quality.of == pose
 
 
 @dataclass(frozen=True)
-class _Job:
-    """One refinement's inputs, and how its end is told."""
+class _Refinement:
+    """One refinement's inputs, and what is made of them after the loop: last stage, verdict and report. `mode`: what of the
+    lens is solved for.
+    """
 
     renderer: ViewRenderer
     photo: Photo
@@ -121,11 +115,11 @@ class _Job:
     mode: LensMode
 
     def finish(
-        self, query: Query, answer: Answer, iterations: int, rng: np.random.Generator
-    ) -> Generator[RefineProgress, None, tuple[Solution, FinalView]]:
-        """The last stage after the loop, and the independent look at what it gave."""
-        image = query.image.with_intrinsics(answer.intrinsics)
-        solution: Solution | None = None
+        self, photo: PhotoFeatures, answer: Answer, iterations: int, rng: np.random.Generator
+    ) -> Generator[RefineProgress, None, tuple[FittedCamera, FinalView]]:
+        """The last stage after the loop, and how well the render at its answer agrees with the photo."""
+        image = photo.image.with_intrinsics(answer.intrinsics)
+        solution: FittedCamera | None = None
         if self.settings.has_final_stage:
             solution = yield from self._final(answer, iterations, rng)
         yield RefineProgress(iterations, self.settings.iterations, "checking the answer", 0.97)
@@ -133,68 +127,67 @@ class _Job:
             loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, self.mode)
             return loop, view_at(self.renderer, image, loop.camera.pose)
         lens = solution.camera.intrinsics.resized(image.intrinsics.width, image.intrinsics.height)
-        seen = view_at(self.renderer, image.with_intrinsics(lens), solution.camera.pose)
-        return solution, seen
+        return solution, view_at(self.renderer, image.with_intrinsics(lens), solution.camera.pose)
 
     def _final(
         self, answer: Answer, iterations: int, rng: np.random.Generator
-    ) -> Generator[RefineProgress, None, Solution | None]:
+    ) -> Generator[RefineProgress, None, FittedCamera | None]:
         photo = WorkingPhoto.of(self.photo, self.start.intrinsics, self.settings.final_long_side_px)
         size = (photo.intrinsics.width, photo.intrinsics.height)
-        start = LensCamera(answer.fit.pose, answer.intrinsics.resized(*size))
-        work = final_stage(self.renderer, photo, start, photo.intrinsics, self.settings, self.mode, rng)
+        start = CameraUnknowns(answer.fit.pose, answer.intrinsics.resized(*size))
+        work = FinalStage(self.renderer, self.settings, photo.intrinsics, self.mode).run(photo, start, rng)
         fraction = LOOP_SHARE
-        while True:
-            try:
-                step = next(work)
-            except StopIteration as end:
-                solution: Solution | None = end.value
-                return solution
-            fraction += 0.05 * (0.97 - fraction)  # the number of passes is not known beforehand
-            yield RefineProgress(iterations, self.settings.iterations, step, fraction)
 
-    def full_size(self, camera: LensCamera) -> Camera:
+        def progress(step: str) -> RefineProgress:
+            nonlocal fraction
+            # The number of passes is not known beforehand, so that each step takes a share of what is left.
+            fraction += 0.05 * (0.97 - fraction)
+            return RefineProgress(iterations, self.settings.iterations, step, fraction)
+
+        return (yield from converted(work, progress))
+
+    def full_size(self, camera: CameraUnknowns) -> Camera:
         """The camera for the photo at its full size; the given lens itself where it was not solved for."""
         given = self.start.intrinsics
-        if self.mode == "fixed":  # the last stage frees nothing of a lens that is held
+        if self.mode == "fixed":
             return replace(self.start, pose=camera.pose)
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
         return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
 
-    def judged(self, answer: Answer, solution: Solution, seen: FinalView, outcome: Outcome) -> _Judged:
+    def judge(self, answer: Answer, solution: FittedCamera, final: FinalView, loop: LoopResult) -> _Judgement:
         """The verdict, with the evidence of the pose that is returned, or of the one that is not and why."""
         photo = self.start.intrinsics
-        quality = assess(solution, Matched(answer.views, answer.intrinsics.pinhole(), answer.median_depth), seen, photo)
+        quality = assess(solution, LoopMatches(answer.views, answer.intrinsics.pinhole(), answer.median_depth), final, photo)
         verdict, reasons = judge(quality)
         if verdict == "failed":
             quality = replace(quality, of="rejected")
-        elif outcome.start is not None and fits_better(outcome.start, seen, WORSE_AGREEMENT):
-            kept = assess_start(self.start.pose, outcome.start, photo, outcome.start_depth)
-            spurned = words.details(replace(quality, of="rejected"))
-            return _Judged("check", (words.start_kept(kept, quality),), (*words.details(kept), *spurned), kept)
-        return _Judged(verdict, reasons, words.details(quality), quality)
+        elif loop.start is not None and fits_better(loop.start, final, WORSE_AGREEMENT):
+            kept = assess_start(self.start.pose, loop.start, photo, loop.start_depth)
+            rejected = sentences.details(replace(quality, of="rejected"))
+            return _Judgement("check", (sentences.start_kept(kept, quality),), (*sentences.details(kept), *rejected), kept)
+        return _Judgement(verdict, reasons, sentences.details(quality), quality)
 
     def report(
         self,
         refined: Camera | None,
-        judged: _Judged,
+        judgement: _Judgement,
         records: Sequence[IterationRecord],
         began: float,
-        solution: Solution | None = None,
+        solution: FittedCamera | None = None,
     ) -> RefineReport:
         seconds = time.perf_counter() - began
-        reasons = judged.reasons
-        log.info("%s after %d iterations, %.1f s: %s", judged.verdict, len(records), seconds, " ".join(reasons))
-        log.debug("%s", " ".join(judged.details))
+        reasons = judgement.reasons
+        log.info("%s after %d iterations, %.1f s: %s", judgement.verdict, len(records), seconds, " ".join(reasons))
+        log.debug("%s", " ".join(judgement.details))
         return RefineReport(
             camera=refined or self.start,
             start=self.start,
-            verdict=judged.verdict,
+            verdict=judgement.verdict,
             reasons=reasons,
             iterations=tuple(records),
             seconds=seconds,
-            quality=judged.quality,
+            quality=judgement.quality,
             stage=solution.stage if solution else "",
             lens=solution.mode if solution else self.mode,
-            details=judged.details,
+            details=judgement.details,
         )

@@ -1,4 +1,4 @@
-"""What a refinement tells: progress while it runs, a record per iteration, and the report at its end."""
+"""What a refinement reports: progress while it runs, a record per iteration, and the report at its end."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class PoseQuality:
 
     of: "refined" = the pose that is returned was found; "start" = the start camera fits the photo better and is returned, so
     the evidence is of that; "rejected" = the verdict is "failed", the start camera is returned, and this is why the pose that
-    was found is not. pose: that pose.
+    was found is not returned. pose: that pose.
 
     Pixels are those of the photo as it is, `photo_long_side_px` along its longer side; per cent are of `median_depth` (scene
     units, over the view that was matched), of the focal length for focal_std_pct. A figure that there is not is NaN, one that
@@ -87,7 +87,7 @@ class RefineReport:
     """The end of a refinement. `camera` is the refined camera; when the verdict is "failed" it is the start, unchanged.
 
     `reasons` are whole sentences in plain words, the decisive one first, `details` the figures behind them for who knows the
-    terms; `seconds` is wall time; `quality` is the evidence and says which pose it is of, None when no pose was found at all;
+    terms; `seconds` is wall time; `quality` is the evidence and says which pose it belongs to, None when no pose was found;
     `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop"), `lens` what of the lens was solved for.
     """
 

@@ -2,6 +2,8 @@
 
 Paths live on R^3 x SO(3), the camera's centre and its rotation in the world, not on se(3): a camera that turns about itself
 while its centre goes straight should not be bent into a screw by what lies between.
+
+SciPy is imported in the functions that need it: Blender loads this module at its start, where that import would be felt.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,16 +19,18 @@ from ..errors import RefineError
 from ..geometry.camera import FloatArray, Pose, rotation_angle_deg
 from ..geometry.lie import left_jacobian_inverse, so3_exp, so3_log
 
-STRAY_RATIO = 0.02  # of the median depth: less than this off its neighbours' line is no fault
+# A frame that is off the line between its neighbours by less than this share of the median depth is no fault.
+STRAY_RATIO = 0.02
 STRAY_DEG = 1.0
-STRAY_FACTOR = 6.0  # of the usual deviation, which a camera's own acceleration makes
+# A stray frame deviates by more than this multiple of the usual deviation, which is due to the camera's own acceleration.
+STRAY_FACTOR = 6.0
 ROTATION_STEPS = 20
 ROTATION_DONE = 1e-12  # radians
 
 
 @dataclass(frozen=True)
 class FramePose:
-    """The pose found for a frame; `weight` (> 0) says how far it is believed against the others."""
+    """The pose found for a frame; `weight` (> 0) is how much it counts against the other frames."""
 
     frame: int
     pose: Pose
@@ -84,9 +89,9 @@ def _deviations(track: Sequence[FramePose], median_depth: float) -> FloatArray:
         before, after = b.frame - a.frame, c.frame - b.frame
         share = before / (before + after)
         centre = (1 - share) * a.pose.centre + share * c.pose.centre
-        turn = so3_exp(share * so3_log(c.pose.R.T @ a.pose.R)) @ a.pose.R.T
+        rotation = so3_exp(share * so3_log(c.pose.R.T @ a.pose.R)) @ a.pose.R.T
         distance = float(np.linalg.norm(b.pose.centre - centre)) / (STRAY_RATIO * median_depth)
-        angle = rotation_angle_deg(turn @ b.pose.R) / STRAY_DEG
+        angle = rotation_angle_deg(rotation @ b.pose.R) / STRAY_DEG
         out.append(float(np.hypot(distance, angle)) / max(1.0, before * after / spacing**2))
     return np.array(out)
 
@@ -99,45 +104,42 @@ def smooth(track: Sequence[FramePose], over_frames: float) -> list[Pose]:
     """
     if over_frames <= 0 or len(track) < 3:
         return [p.pose for p in track]
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import splu
+
     frames = np.array([p.frame for p in track], np.float64)
     bend = _second_difference(frames) * (over_frames / (2 * np.pi)) ** 2
     weight = np.array([p.weight for p in track]) * np.gradient(frames)
-    normal = np.diag(weight) + bend.T @ bend
-    measured = np.stack([p.pose.centre for p in track])
-    centres = np.linalg.solve(normal, weight[:, None] * measured)
-    turns = [p.pose.R.T for p in track]  # camera to world
-    given = list(turns)
+    solve = splu((diags_array(weight) + bend.T @ bend).tocsc()).solve
+    centres = solve(weight[:, None] * np.stack([p.pose.centre for p in track]))
+    rotations = [p.pose.R.T for p in track]  # camera to world
+    measured = list(rotations)
+    # The last entry of a row of `bend` multiplies the difference x_{j+1} - x_j, and minus the first one that of x_j - x_{j-1};
+    # of rotations, these differences are angular velocities times the time between the frames.
+    outer = bend.diagonal(2) * np.diff(frames)[1:]
     for _ in range(ROTATION_STEPS):
-        pull = np.stack([so3_log(z @ r.T) for z, r in zip(given, turns, strict=True)])
-        step = np.linalg.solve(normal, weight[:, None] * pull - bend.T @ _bending(turns, frames, bend))
-        turns = [so3_exp(d) @ r for d, r in zip(step, turns, strict=True)]
+        pull = np.stack([so3_log(z @ r.T) for z, r in zip(measured, rotations, strict=True)])
+        bending = outer[:, None] * np.diff(_velocities(rotations, frames), axis=0)
+        step = solve(weight[:, None] * pull - bend.T @ bending)
+        rotations = [so3_exp(d) @ r for d, r in zip(step, rotations, strict=True)]
         if np.abs(step).max() < ROTATION_DONE:
             break
-    return [Pose.from_centre(r.T, c) for r, c in zip(turns, centres, strict=True)]
+    return [Pose.from_centre(r.T, c) for r, c in zip(rotations, centres, strict=True)]
 
 
-def _second_difference(frames: FloatArray) -> FloatArray:
-    """Second derivative at the inner frames, times the root of the time each stands for: (N - 2, N)."""
-    out = np.zeros((len(frames) - 2, len(frames)))
-    for j in range(1, len(frames) - 1):
-        before, after = frames[j] - frames[j - 1], frames[j + 1] - frames[j]
-        span = (before + after) / 2
-        out[j - 1, j - 1 : j + 2] = np.array([1 / before, -1 / before - 1 / after, 1 / after]) / span * np.sqrt(span)
-    return out
+def _second_difference(frames: FloatArray) -> Any:
+    """Second derivative at the inner frames, times the root of the time each stands for: a sparse array (N - 2, N)."""
+    from scipy.sparse import diags_array
+
+    before, after = np.diff(frames)[:-1], np.diff(frames)[1:]
+    root = np.sqrt((before + after) / 2)
+    entries = [1 / (before * root), -(1 / before + 1 / after) / root, 1 / (after * root)]
+    return diags_array(entries, offsets=(0, 1, 2), shape=(len(frames) - 2, len(frames)))
 
 
-def _bending(turns: Sequence[FloatArray], frames: FloatArray, bend: FloatArray) -> FloatArray:
-    """`bend` applied to rotations: the change of angular velocity at the inner frames (N - 2, 3)."""
-    velocity = _velocities(turns, frames)
-    # The last entry of a row is what multiplies the difference x_{j+1} - x_j, and the first that of x_j - x_{j-1}.
-    rows = np.arange(len(frames) - 2)
-    scale = bend[rows, rows + 2] * np.diff(frames)[1:]
-    return np.asarray(scale[:, None] * np.diff(velocity, axis=0))
-
-
-def _velocities(turns: Sequence[FloatArray], frames: FloatArray) -> FloatArray:
+def _velocities(rotations: Sequence[FloatArray], frames: FloatArray) -> FloatArray:
     """Angular velocity in the world between one frame and the next (N - 1, 3), radians per frame."""
-    steps = np.stack([so3_log(b @ a.T) for a, b in itertools.pairwise(turns)])
+    steps = np.stack([so3_log(b @ a.T) for a, b in itertools.pairwise(rotations)])
     return np.asarray(steps / np.diff(frames)[:, None])
 
 
@@ -151,18 +153,21 @@ def interpolate(track: Sequence[FramePose], frames: Sequence[int]) -> list[Pose]
         raise RefineError("Only frames between the first and the last refined frame can be filled in.")
     if len(track) == 1:
         return [track[0].pose for _ in frames]
-    centres, turns = np.stack([p.pose.centre for p in track]), [p.pose.R.T for p in track]
+    from scipy.interpolate import CubicHermiteSpline
+
+    centres, rotations = np.stack([p.pose.centre for p in track]), [p.pose.R.T for p in track]
     speed = _at_knots(np.diff(centres, axis=0) / np.diff(times)[:, None], times)
-    spin = _at_knots(_velocities(turns, times), times)
+    spin = _at_knots(_velocities(rotations, times), times)
+    # Between two frames the rotation is a cubic in the tangent space of the first frame's rotation.
+    vectors = [so3_log(b @ a.T) for a, b in itertools.pairwise(rotations)]
+    turning = [
+        CubicHermiteSpline(times[i : i + 2], [np.zeros(3), phi], [spin[i], left_jacobian_inverse(phi) @ spin[i + 1]])
+        for i, phi in enumerate(vectors)
+    ]
     out = []
-    for frame in frames:
-        i = min(int(np.searchsorted(times, frame, side="right")) - 1, len(times) - 2)
-        gap, u = times[i + 1] - times[i], (frame - times[i]) / (times[i + 1] - times[i])
-        centre = _hermite(u, centres[i], gap * speed[i], centres[i + 1], gap * speed[i + 1])
-        phi = so3_log(turns[i + 1] @ turns[i].T)
-        arrival = left_jacobian_inverse(phi) @ spin[i + 1]
-        turn = so3_exp(_hermite(u, np.zeros(3), gap * spin[i], phi, gap * arrival)) @ turns[i]
-        out.append(Pose.from_centre(turn.T, centre))
+    segments = np.clip(np.searchsorted(times, frames, side="right") - 1, 0, len(times) - 2).tolist()
+    for frame, i, centre in zip(frames, segments, CubicHermiteSpline(times, centres, speed)(frames), strict=True):
+        out.append(Pose.from_centre((so3_exp(turning[i](frame)) @ rotations[i]).T, centre))
     return out
 
 
@@ -174,9 +179,3 @@ def _at_knots(between: FloatArray, times: FloatArray) -> FloatArray:
     inner = (gaps[1:] * between[:-1] + gaps[:-1] * between[1:]) / (gaps[1:] + gaps[:-1])
     first, last = 2 * between[0] - inner[0], 2 * between[-1] - inner[-1]
     return np.concatenate([first[None], inner, last[None]])
-
-
-def _hermite(u: float, a: FloatArray, va: FloatArray, b: FloatArray, vb: FloatArray) -> FloatArray:
-    """The cubic with values a, b and derivatives va, vb at 0 and 1."""
-    u2, u3 = u * u, u * u * u
-    return np.asarray((2 * u3 - 3 * u2 + 1) * a + (u3 - 2 * u2 + u) * va + (3 * u2 - 2 * u3) * b + (u3 - u2) * vb)

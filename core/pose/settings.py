@@ -30,7 +30,8 @@ FEATURES = {
     AUTO: Choice("Auto", "SIFT, and ALIKED takes over where that finds no answer, if there is a model of it"),
 }
 PAIRINGS = {name: Choice(kind.title, kind.text) for name, kind in MATCHERS.items()}
-SEED_LIMIT = 2**31 - 1  # what fits into 32 bits everywhere
+# The largest value of a signed 32-bit integer, which every interface can hold.
+SEED_LIMIT = 2**31 - 1
 
 
 @dataclass(frozen=True)

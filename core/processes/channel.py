@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from .child import Child
 from .wire import Arrays, Header, WireError, receive, send
 
-LAST_WORDS_S = 1.0  # for a child whose pipes are closed to say why, and to end by itself
+# A child whose pipes are closed has so long to say why and to end by itself.
+LAST_WORDS_S = 1.0
 
 
 class ChildEndedError(Exception):

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import cast
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1")
-NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)  # Windows would open a console beside Blender
+# Without this flag, Windows would open a console beside Blender.
+NO_WINDOW = getattr(subprocess, "CREATE_NO_WINDOW", 0)
 
 
 def pipes() -> tuple[io.BufferedIOBase, io.BufferedIOBase]:
@@ -23,7 +24,8 @@ def pipes() -> tuple[io.BufferedIOBase, io.BufferedIOBase]:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # whatever a library prints must not get between the answers
+    # Whatever a library prints goes to stderr, so that it does not get between the answers.
+    os.dup2(2, 1)
     return os.fdopen(os.dup(0), "rb"), answers
 
 
@@ -35,7 +37,7 @@ def search_path(package: Path) -> str:
         here = _name(os.getcwd())
     except OSError:  # a folder that is no more
         here = ""
-    # A relative entry would mean another folder wherever the child is started, and one with the separator in it means two.
+    # A relative entry would mean another folder in the child, and one that contains the separator would mean two folders.
     own = [p for p in sys.path if os.path.isabs(p) and os.pathsep not in p and _name(p) != here]
     return os.pathsep.join([str(package.parent), *own])
 

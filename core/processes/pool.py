@@ -17,11 +17,13 @@ from .child import ONE_THREAD, Child
 log = logging.getLogger(__name__)
 
 POLL_S = 0.2
-START_LIMIT_S = 3600.0  # to read the scan, which may lie on a slow disk
-JOB_LIMIT_S = 3600.0  # for one photo; one that needs more hangs
+# For reading the scan, which may lie on a slow disk.
+START_LIMIT_S = 3600.0
+# For one photo. A worker that needs longer hangs.
+TASK_LIMIT_S = 3600.0
 
 Record = dict[str, Any]
-Job = tuple[int, Record]
+Task = tuple[int, Record]
 Lost = Callable[[int, str], Record]
 
 
@@ -34,16 +36,16 @@ class _Ended:
 
 @dataclass(frozen=True)
 class _Queues:
-    """What is to be done, as (index, job), and what came of it: (index, record), how many Gaussians a worker that has come up
+    """What is to be done, as (index, task), and what came of it: (index, record), how many Gaussians a worker that has come up
     left out, or the end of a thread.
     """
 
-    todo: queue.SimpleQueue[Job] = field(default_factory=queue.SimpleQueue)
-    done: queue.SimpleQueue[Job | int | _Ended] = field(default_factory=queue.SimpleQueue)
+    todo: queue.SimpleQueue[Task] = field(default_factory=queue.SimpleQueue)
+    done: queue.SimpleQueue[Task | int | _Ended] = field(default_factory=queue.SimpleQueue)
 
 
 class Pool:
-    """Runs jobs over several workers; a context manager that leaves no process behind."""
+    """Runs tasks over several workers; a context manager that leaves no process behind."""
 
     def __init__(self, first: Record, workers: int) -> None:
         """`first` is the first message of each worker, see `batch.worker`."""
@@ -66,21 +68,22 @@ class Pool:
         for thread in self._threads:
             thread.join()
 
-    def run(self, jobs: Sequence[Job], lost: Lost, started: Callable[[int], None]) -> Iterator[Job]:
-        """Yields (index, record) as jobs end. A worker that dies costs its job, whose record `lost(index, words)` makes.
+    def run(self, tasks: Sequence[Task], lost: Lost, started: Callable[[int], None]) -> Iterator[Task]:
+        """Yields (index, record) as tasks end. A worker that dies costs its task, whose record `lost(index, reason)` makes.
 
         `started` hears from each worker how many Gaussians it left out. A worker that cannot start is done without, which is
         logged. Raises RefineError when there is none left, SplatFormatError when the first of them cannot read the scan, and
         whatever else a thread of the pool broke down of.
         """
         queues = _Queues()
-        for job in jobs:
-            queues.todo.put(job)
-        self._start_threads(min(self._workers, len(jobs)), queues, lost)
+        for task in tasks:
+            queues.todo.put(task)
+        self._start_threads(min(self._workers, len(tasks)), queues, lost)
         running, count, came_up = len(self._threads), 0, False
-        while count < len(jobs):
+        while count < len(tasks):
             try:
-                item = queues.done.get(timeout=POLL_S)  # a wait without end would not hear Ctrl-C on every system
+                # Not every system interrupts a wait without a time limit at Ctrl-C.
+                item = queues.done.get(timeout=POLL_S)
             except queue.Empty:
                 continue
             if isinstance(item, _Ended):
@@ -113,21 +116,21 @@ class Pool:
         queues.done.put(_Ended(error))
 
     def _work(self, queues: _Queues, lost: Lost) -> None:
-        """Does jobs until there are none left."""
+        """Does tasks until there are none left."""
         worker: Channel | None = None
         try:
             while not self._stop.is_set():
                 if worker is None:
                     if queues.todo.empty():
                         return
-                    worker = self._new_worker(queues)  # before a job is taken, which nobody else could do then
-                index, job = queues.todo.get_nowait()
+                    worker = self._new_worker(queues)  # before a task is taken, which nobody else could do then
+                index, task = queues.todo.get_nowait()
                 try:
-                    queues.done.put((index, worker.ask(job, limit_s=JOB_LIMIT_S)[0]))
-                except ChildEndedError as words:
+                    queues.done.put((index, worker.ask(task, limit_s=TASK_LIMIT_S)[0]))
+                except ChildEndedError as end:
                     self._end(worker)
                     worker = None
-                    queues.done.put((index, lost(index, str(words))))
+                    queues.done.put((index, lost(index, str(end))))
         except queue.Empty:
             pass
         finally:
@@ -161,7 +164,7 @@ class Pool:
 
 
 def _judge(error: Exception | None, running: int, came_up: bool) -> None:
-    """Called while there are jobs to do, when a thread has ended and `running` others have not: raises what ends the batch."""
+    """Called while there are tasks to do, when a thread has ended and `running` others have not: raises what ends the batch."""
     if isinstance(error, OSError):
         error = RefineError(f"A worker process cannot be started ({error.strerror or error}); use fewer --workers.")
     if isinstance(error, SplatFormatError) and not came_up:

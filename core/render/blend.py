@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from ..geometry.conventions import HALF_PIXEL
 from . import constants as c
-from .project import FEATURES, L1, L2, L3, LOG_OPACITY, MX, MY, ROW, TILE, Z
+from .columns import BLEND_COLUMNS, BlendColumn
+from .project import TILE
 from .tiles import TileLists
 
 Float32Array = NDArray[np.float32]
@@ -25,13 +26,19 @@ PIXELS = TILE * TILE
 ROUND_PAIRS = (
     8192  # pairs per round: two buffers of 2 MB; larger calls pass the interpreter lock less often but leave the cache
 )
-SEGMENT_PAIRS = 49152  # pairs whose parameters are gathered at once, for several rounds
-DEPTH_MAX = 255  # levels of a round: tiles turn opaque, and a byte counts the levels before a pixel ends
-GEMM_ROWS = 512  # OpenBLAS starts threads of its own only above M N K = 262144; 512 x 64 x 6 stays below
-EXPONENT_MIN = -60.0  # far under 1/255; cv2.exp is slow where it underflows
+# Pairs of splat and tile whose parameters are gathered at once, for several rounds.
+SEGMENT_PAIRS = 49152
+# Most levels of a round. Tiles turn opaque meanwhile, and a byte counts the levels before a pixel ends.
+DEPTH_MAX = 255
+# OpenBLAS starts threads of its own only above M N K = 262144, and 512 x 64 x 6 stays below that.
+GEMM_ROWS = 512
+# Far below 1/255. The bound is there because cv2.exp is slow where it underflows.
+EXPONENT_MIN = -60.0
 LOG_ALPHA_MAX = float(np.log(np.float32(c.ALPHA_MAX)))
-SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))  # cv2's test is "greater", ours "at least"
-CHANNELS = 6  # r, g, b, 1, z - z0, (z - z0)^2
+# OpenCV's threshold keeps what is greater, and the rule here is "at least", hence the next smaller number.
+SKIP = float(np.nextafter(np.float32(c.ALPHA_MIN), np.float32(0)))
+# Red, green, blue, 1, z - z0 and (z - z0)^2.
+CHANNELS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +47,39 @@ class TileImage:
 
     sums: Float32Array
     z0: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class BlendWork:
+    """What all batches of tiles share: the splats' table, the tiles' lists, the image that they go into, and what is called
+    often and may raise to stop the work.
+    """
+
+    table: Float32Array
+    lists: TileLists
+    image: TileImage
+    poll: Callable[[], None]
+
+
+@dataclass(frozen=True, eq=False)
+class TileBatch:
+    """At most ROUND_PAIRS tiles, none of whose lists is empty. tiles (n,): their numbers in the lists; centre (2, n): x, y of
+    their centres; inside (n, PIXELS): 1 where the pixel exists, else 0.
+    """
+
+    tiles: IndexArray
+    centre: Float32Array
+    inside: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class PairSegment:
+    """The parameters of the next pairs of every tile: rows (depth, n, BLEND_COLUMNS) of the table with relative depths, and the
+    coefficients (6, pairs and padding) of their exponents.
+    """
+
+    rows: Float32Array
+    coefficients: Float32Array
 
 
 def pixel_basis() -> Float32Array:
@@ -53,8 +93,8 @@ class Scratch:
 
     def __init__(self) -> None:
         pairs = SEGMENT_PAIRS + GEMM_ROWS
-        self.rows = np.empty((pairs, ROW), np.float32)
-        self.columns = np.empty(ROW * pairs, np.float32)
+        self.rows = np.empty((pairs, BLEND_COLUMNS), np.float32)
+        self.columns = np.empty(BLEND_COLUMNS * pairs, np.float32)
         self.work = np.empty(3 * pairs, np.float32)
         self.weights = np.empty((ROUND_PAIRS + GEMM_ROWS, PIXELS), np.float32)
         self.transmittance = np.empty(2 * ROUND_PAIRS * PIXELS, np.float32)
@@ -62,30 +102,20 @@ class Scratch:
         self.chained = _multiplies_in_order(self.transmittance)
 
 
-def blend_tiles(
-    table: Float32Array,
-    lists: TileLists,
-    batch: IndexArray,
-    centre: Float32Array,
-    inside: Float32Array,
-    image: TileImage,
-    scratch: Scratch,
-    poll: Callable[[], None],
-) -> None:
-    """Composite the tiles `batch` (n,) of the lists, none of them empty, at most ROUND_PAIRS of them, into the image.
-
-    centre (2, n): x, y of tile centres; inside (n, PIXELS): 1 where the pixel exists, else 0.
-    """
-    live, transmittance = batch, inside
-    state = np.stack([lists.start[live], lists.count[live]])  # next list entry, entries left
-    z0 = image.z0[live] = table[lists.splats[state[0]], Z]
-    offset = np.concatenate([centre, z0[None]])
+def blend_tiles(work: BlendWork, batch: TileBatch, scratch: Scratch) -> None:
+    """Composites the tiles of a batch into the image."""
+    table, lists, image = work.table, work.lists, work.image
+    live, transmittance = batch.tiles, batch.inside
+    # The next entry of each tile's list, and how many entries are left.
+    state = np.stack([lists.start[live], lists.count[live]])
+    z0 = image.z0[live] = table[lists.splats[state[0]], BlendColumn.Z]
+    offset = np.concatenate([batch.centre, z0[None]])
     sums = np.zeros((len(live), CHANNELS, PIXELS), np.float32)
     while len(live):
         depth = max(1, min(SEGMENT_PAIRS // len(live), int(state[1].max())))
         g = _gather_index(lists.splats, state, depth, len(table) - 1)
         segment = _coefficients(table, g, offset, scratch)
-        done, seeing, transmittance = _blend_segment(*segment, transmittance, sums, scratch, poll)
+        done, seeing, transmittance = _blend_segment(segment, transmittance, sums, scratch, work.poll)
         state += ((done,), (-done,))
         stay = (state[1] > 0) & seeing
         if not stay.all():
@@ -95,19 +125,18 @@ def blend_tiles(
 
 
 def _blend_segment(
-    rows: Float32Array,
-    coefficients: Float32Array,
+    segment: PairSegment,
     transmittance: Float32Array,
     sums: Float32Array,
     scratch: Scratch,
     poll: Callable[[], None],
 ) -> tuple[int, NDArray[np.bool_], Float32Array]:
-    """Add the pairs of one segment, round by round, until half of its tiles are opaque.
+    """Adds the pairs of one segment, round by round, until half of its tiles are opaque.
 
     Returns the levels that were added, which tiles (n,) are not opaque yet and the transmittance (n, PIXELS) that is left, in
-    the scratch. rows (depth, n, ROW), coefficients (6, pairs and padding); transmittance (n, PIXELS); sums (n, CHANNELS,
-    PIXELS) are updated.
+    the scratch. `transmittance` (n, PIXELS) is that of before; `sums` (n, CHANNELS, PIXELS) are updated.
     """
+    rows, coefficients = segment.rows, segment.coefficients
     depth, tiles, _ = rows.shape
     step = max(1, min(ROUND_PAIRS // tiles, DEPTH_MAX))
     alive = transmittance.ravel() > 0
@@ -116,8 +145,8 @@ def _blend_segment(
         end = min(begin + step, depth)
         weights = _alpha(coefficients[:, begin * tiles :], (end - begin, tiles), scratch)
         transmittance, alive = _composite(weights, transmittance, alive, scratch)
-        sums += np.matmul(rows[begin:end].transpose(1, 2, 0)[:, FEATURES:, :], weights.transpose(1, 0, 2))
-        # only where half of the pixels have ended can half of the tiles be opaque
+        sums += np.matmul(rows[begin:end].transpose(1, 2, 0)[:, BlendColumn.FEATURES :, :], weights.transpose(1, 0, 2))
+        # Half of the tiles can be opaque only where half of the pixels have ended; the cheaper test comes first.
         if 2 * np.count_nonzero(alive) < alive.size and 2 * np.count_nonzero(_seeing(alive)) < tiles:
             break
     return end, _seeing(alive), transmittance
@@ -137,37 +166,33 @@ def _gather_index(splats: NDArray[np.int32], state: IndexArray, depth: int, pad:
     return g
 
 
-def _coefficients(
-    table: Float32Array, g: NDArray[np.int32], offset: Float32Array, scratch: Scratch
-) -> tuple[Float32Array, Float32Array]:
-    """Table rows of the pairs g (depth, tiles) with relative depths, and their exponents' coefficients (6, pairs and padding).
-
-    offset (3, tiles): what x, y and z are relative to.
-    """
+def _coefficients(table: Float32Array, g: NDArray[np.int32], offset: Float32Array, scratch: Scratch) -> PairSegment:
+    """The parameters of the pairs whose table rows are g (depth, tiles). offset (3, tiles): what x, y and z are relative to."""
     pairs = g.size
-    padded = pairs + GEMM_ROWS  # a round's matrix product reads up to one block beyond its pairs
+    # The matrix product of a round reads up to one block beyond its pairs.
+    padded = pairs + GEMM_ROWS
     rows = scratch.rows[:pairs]
     table.take(g.ravel(), axis=0, out=rows, mode="clip")
-    columns = scratch.columns[: ROW * padded].reshape(ROW, padded)
-    cv2.transpose(rows[:, :FEATURES], columns[:FEATURES, :pairs])
-    columns[:FEATURES, pairs:] = 0
-    relative = columns[:L1, :pairs].reshape(L1, *g.shape)
+    columns = scratch.columns[: BLEND_COLUMNS * padded].reshape(BLEND_COLUMNS, padded)
+    cv2.transpose(rows[:, : BlendColumn.FEATURES], columns[: BlendColumn.FEATURES, :pairs])
+    columns[: BlendColumn.FEATURES, pairs:] = 0
+    relative = columns[: BlendColumn.L1, :pairs].reshape(BlendColumn.L1, *g.shape)
     relative -= offset[:, None]
-    rows[:, FEATURES + 4] = columns[Z, :pairs]
-    np.square(columns[Z, :pairs], out=rows[:, FEATURES + 5])
+    rows[:, BlendColumn.FEATURES + 4] = columns[BlendColumn.Z, :pairs]
+    np.square(columns[BlendColumn.Z, :pairs], out=rows[:, BlendColumn.FEATURES + 5])
     work = scratch.work[: 3 * padded].reshape(3, padded)
     p, t, s = work
-    l3, linear = columns[L3], columns[FEATURES : FEATURES + 2]
-    np.multiply(columns[MX : MY + 1], columns[L1 : L2 + 1], out=work[:2])
-    np.multiply(columns[MY], l3, out=s)
+    l3, linear = columns[BlendColumn.L3], columns[BlendColumn.FEATURES : BlendColumn.FEATURES + 2]
+    np.multiply(columns[BlendColumn.X : BlendColumn.Y + 1], columns[BlendColumn.L1 : BlendColumn.L2 + 1], out=work[:2])
+    np.multiply(columns[BlendColumn.Y], l3, out=s)
     p += t
-    np.multiply(columns[L1 : L2 + 1], p, out=linear)
+    np.multiply(columns[BlendColumn.L1 : BlendColumn.L2 + 1], p, out=linear)
     np.multiply(s, l3, out=t)
     linear[1] += t
     np.square(work, out=work)
-    columns[LOG_OPACITY] -= p
-    columns[LOG_OPACITY] -= s
-    return rows.reshape(*g.shape, ROW), columns[LOG_OPACITY : FEATURES + 2]
+    columns[BlendColumn.LOG_OPACITY] -= p
+    columns[BlendColumn.LOG_OPACITY] -= s
+    return PairSegment(rows.reshape(*g.shape, BLEND_COLUMNS), columns[BlendColumn.LOG_OPACITY : BlendColumn.FEATURES + 2])
 
 
 def _alpha(coefficients: Float32Array, shape: tuple[int, ...], scratch: Scratch) -> Float32Array:
@@ -176,7 +201,7 @@ def _alpha(coefficients: Float32Array, shape: tuple[int, ...], scratch: Scratch)
     padded = -(-pairs // GEMM_ROWS) * GEMM_ROWS
     blocks = coefficients[:, :padded].reshape(6, -1, GEMM_ROWS).transpose(1, 2, 0)
     np.matmul(blocks, scratch.basis, out=scratch.weights[:padded].reshape(-1, GEMM_ROWS, PIXELS))
-    # one row: OpenCV splits work between its own threads by rows
+    # The array has one row, because OpenCV shares rows among threads of its own.
     flat = scratch.weights[:pairs].reshape(1, -1)
     np.clip(flat, np.float32(EXPONENT_MIN), np.float32(LOG_ALPHA_MAX), out=flat)
     cv2.exp(flat, flat)
@@ -204,7 +229,7 @@ def _composite(
     still = before[-1] > 0
     ended = np.flatnonzero(alive > still)
     if len(ended):
-        # the Gaussian that would take a pixel below the limit does not count
+        # The Gaussian that would take a pixel below the limit does not count.
         first = (before[1:].take(ended, axis=1) > 0).view(np.uint8).sum(axis=0, dtype=np.uint8)
         passed[first, ended] = 0
     return before[-1].reshape(transmittance.shape), still

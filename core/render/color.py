@@ -9,7 +9,8 @@ from . import constants as c
 
 Float32Array = NDArray[np.float32]
 
-# Monomials of a unit direction; z^2 is 1 - x^2 - y^2. Those of a degree come from earlier ones by few products of blocks.
+# The monomials of a unit direction up to degree 3; z^2 is left out, because it is 1 - x^2 - y^2. Those of each degree are
+# products of earlier ones.
 TERMS = ("", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "xxx", "xxy", "xxz", "xyy", "xyz", "yyy", "yyz")
 HARMONICS: tuple[dict[str, float], ...] = (
     {"": c.SH_C0},

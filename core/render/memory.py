@@ -1,4 +1,4 @@
-"""How much memory a piece of work will take, roughly, so that it can be refused before it takes the machine down.
+"""A rough estimate of the memory that a piece of work takes, so that it can be refused before the machine runs out of it.
 
 The factors err on the side of too much. Peaks measured while the built-in sample was refined at several sizes (SH degree 1,
 engine alone, all processes together): 12k Gaussians on one thread 0.44 GB, 300k on two 0.71, 1M on two 1.32, on four 2.27; the
@@ -13,12 +13,18 @@ from pathlib import Path
 from ..errors import GssmcError
 from .processes import MAX_PROCESSES
 
-BASE_BYTES = 450_000_000  # numpy, OpenCV, SciPy, the features of all views
-FLOATS_WITHOUT_SH = 11  # mean, scale, rotation, opacity
-PROCESS_BYTES = 100_000_000  # for each process that draws views: Python, numpy, OpenCV, one view
-RENDER_BYTES = 400  # for each Gaussian and view drawn at a time: projected, sorted, binned into tiles
-COPIES = 3  # of the scene: Blender's, ours, and the one being assembled (later the one that the processes share)
-PIXEL_BYTES = 60  # for each pixel of a photo, decoded and being reduced
+# Taken by numpy, OpenCV, SciPy and the features of all views.
+BASE_BYTES = 450_000_000
+# Mean, scale, rotation and opacity of a Gaussian.
+FLOATS_WITHOUT_SH = 11
+# Taken by each process that draws views: Python, numpy, OpenCV and one view.
+PROCESS_BYTES = 100_000_000
+# Taken by each Gaussian in each view that is being drawn: projected, sorted and listed by tiles.
+RENDER_BYTES = 400
+# Copies of the scene: Blender's, the engine's, and the one being assembled (later the one that the processes share).
+COPIES = 3
+# Taken by each pixel of a photo while it is decoded and reduced.
+PIXEL_BYTES = 60
 
 
 class MemoryLimitError(GssmcError):

@@ -23,32 +23,38 @@ from .view import RenderedView, RenderSettings, ViewRenderer
 
 log = logging.getLogger(__name__)
 
-MAX_PROCESSES = 8  # this one included; a refinement draws six or seven views at a time
-MIN_GAUSSIANS = 20_000  # a smaller scene's views are drawn before a process has come up
-LIMIT_S = 300.0  # for one view, and to take up the tables; a process that needs more is stuck, and its view is drawn here
-NICE = 3  # of others, where this process is spared: its window comes first
-Start = Callable[[str, Mapping[str, str]], Child]
+# This process is one of them. A refinement draws six or seven views at a time.
+MAX_PROCESSES = 8
+# The views of a smaller scene are drawn before a child is ready.
+MIN_GAUSSIANS = 20_000
+# For one view, and for mapping the tables. A child that needs longer is stuck, and its view is drawn in this process.
+LIMIT_S = 300.0
+# Where this process is interactive, the priority of the children is lower by this much, so that the window stays responsive.
+NICE = 3
+StartChild = Callable[[str, Mapping[str, str]], Child]
 
 
 class ProcessRenderer:
-    """Draws one scene's views, each on one thread, in up to `settings.threads` processes: this one and others like it, or,
-    with `spare` (a window lives here), others alone, once they have come up.
+    """Draws one scene's views, each on one thread, in up to `settings.threads` processes: this one and its children. With
+    `interactive` (this process has a window to keep alive) the children draw all views, once they are ready.
 
-    `render` may be called from any thread, and from as many at once as there are processes; more wait for their turn. The
-    others are taken in as they come up, until when views are drawn here. One that ends for whatever reason costs nothing but
-    its share of the speed. Views are those of `Renderer`, to the bit. `alone` is one, for views that no other is drawn
-    beside: the threads of this process share each, unless it is spared.
+    `render` may be called from any thread, and from as many at once as there are processes; more wait for their turn. Until a
+    child is ready, views are drawn in this process. A child that ends, for whatever reason, costs nothing but its share of the
+    speed. Views are those of `Renderer`, to the bit. `sole` draws a view that no other is drawn beside: the threads of this
+    process share it, unless this process is interactive.
     """
 
-    def __init__(self, scene: GaussianScene, settings: RenderSettings, start: Start = Child, *, spare: bool = False) -> None:
-        """Raises nothing where no process can be started: all views are drawn here then."""
+    def __init__(
+        self, scene: GaussianScene, settings: RenderSettings, start: StartChild = Child, *, interactive: bool = False
+    ) -> None:
+        """Where no process can be started, nothing is raised and all views are drawn in this process."""
         count = min(settings.threads or os.cpu_count() or 1, MAX_PROCESSES)
         tables = build_tables(scene)
-        self._team = _Team(count, spare, start)
-        self._finish = weakref.finalize(self, _Team.close, self._team)
-        self._team.begin(tables, settings.near)
+        self._children = _Children(count, interactive, start)
+        self._finish = weakref.finalize(self, _Children.close, self._children)
+        self._children.begin(tables, settings.near)
         self._here = Renderer(tables, RenderSettings(settings.near, threads=1))
-        self._together = None if spare else Renderer(tables, settings)
+        self._sole = None if interactive else Renderer(tables, settings)
 
     def __enter__(self) -> ProcessRenderer:
         return self
@@ -57,8 +63,9 @@ class ProcessRenderer:
         self.close()
 
     @property
-    def alone(self) -> ViewRenderer:
-        return self._together or self
+    def sole(self) -> ViewRenderer:
+        """The renderer for a view that is drawn by itself; see `view.sole_renderer`."""
+        return self._sole or self
 
     def close(self) -> None:
         """Ends the processes at once; views being drawn in them raise Cancelled, as do later ones. Harmless when repeated."""
@@ -66,21 +73,21 @@ class ProcessRenderer:
 
     def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
         """Render as a pinhole (distortion ignored). Raises Cancelled when this was closed."""
-        while (channel := self._team.take()) is not None:
+        while (channel := self._children.take()) is not None:
             try:
                 view = _ask(channel, intrinsics, pose)
             except ChildEndedError as end:
-                self._team.lose(channel, end)
+                self._children.lose(channel, end)
                 continue
             except BaseException as error:
-                self._team.lose(channel, error)  # its channel has ended it
+                self._children.lose(channel, error)  # its channel has ended it
                 raise
-            self._team.give_back(channel)
+            self._children.give_back(channel)
             return view
         try:
             return self._here.render(intrinsics, pose)
         finally:
-            self._team.give_back(None)
+            self._children.give_back(None)
 
 
 def _ask(channel: Channel, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
@@ -91,16 +98,16 @@ def _ask(channel: Channel, intrinsics: Intrinsics, pose: Pose) -> RenderedView:
     return RenderedView(*images)
 
 
-class _Team:
-    """Who draws: children that are ready, and `here`, how many more views may be drawn in this process meanwhile.
+class _Children:
+    """The children, and how many more views may be drawn in this process at the same time (`_here`).
 
-    A child takes over one of the views of `here` when it comes up, and gives that back when it ends, so that there are never
-    more than `count` views at a time, nor fewer.
+    A child that becomes ready takes over one of those views, and gives it back when it ends, so that exactly `count` views can
+    be drawn at a time.
     """
 
-    def __init__(self, count: int, spare: bool, start: Start) -> None:
+    def __init__(self, count: int, interactive: bool, start: StartChild) -> None:
         self._here, self._start = count, start
-        self._wanted, self._nice = (count, NICE) if spare else (count - 1, 0)
+        self._wanted, self._nice = (count, NICE) if interactive else (count - 1, 0)
         self._all: set[Channel] = set()
         self._ready: list[Channel] = []
         self._changed = threading.Condition()
@@ -142,7 +149,7 @@ class _Team:
         except OSError as error:
             log.warning("A process for drawing cannot be started: %s", error)
         except ChildEndedError as end:
-            self._mourn(channel, end)
+            self._remove(channel, end)
         else:
             self._take_in(channel)
         finally:
@@ -158,8 +165,8 @@ class _Team:
         channel.close()
 
     def _started(self) -> None:
-        """One more child has mapped the tables or never will. With the last, their file goes, so that it is not left behind
-        by a process that is killed; a system that keeps files which are in use removes it in `close`.
+        """Notes that one more child has mapped the tables, or never will. After the last one their file is removed, so that a
+        process that is killed leaves none behind. A system that keeps files which are in use removes it in `close`.
         """
         with self._changed:
             self._starting -= 1
@@ -194,12 +201,13 @@ class _Team:
 
     def lose(self, channel: Channel, reason: BaseException) -> None:
         """A child that was taken has ended; another view may be drawn here instead."""
-        self._mourn(channel, reason)
+        self._remove(channel, reason)
         with self._changed:
             self._here += 1
             self._changed.notify()
 
-    def _mourn(self, channel: Channel, reason: BaseException) -> None:
+    def _remove(self, channel: Channel, reason: BaseException) -> None:
+        """Forgets a child that has ended, with a warning, unless all were ended on purpose."""
         channel.close()
         with self._changed:
             self._all.discard(channel)

@@ -6,6 +6,8 @@ calls wait for each other.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from numpy.typing import NDArray
 from ..geometry.camera import Intrinsics, Pose
 from ..geometry.conventions import HALF_PIXEL
 from . import constants as c
+from .columns import BLEND_COLUMNS, ELLIPSE_COLUMNS, BlendColumn, EllipseColumn
 from .tables import SceneTables
 
 Float32Array = NDArray[np.float32]
@@ -20,37 +23,32 @@ Int16Array = NDArray[np.int16]
 IndexArray = NDArray[np.intp]
 
 TILE = 8  # pixels along each side of a tile
-MAX_PIXEL_MARGIN = 1.9  # sqrt(2 ln 255 * 0.3): how far the low-pass alone can carry a Gaussian, pixels
+# sqrt(2 ln 255 * 0.3) pixels: how far the low-pass filter alone can carry a Gaussian.
+MAX_PIXEL_MARGIN = 1.9
 EMPTY_LOG_OPACITY = -120.0
-ROW = 16  # floats per row that blending gathers: one cache line, so that a pair costs one miss
-MX, MY, Z, L1, L2, L3, LOG_OPACITY, XX, XY, YY, FEATURES = range(11)
-SHAPE = 8  # floats per row that binning gathers
-S_X, S_SKEW, S_INVERSE, S_Y, S_L3, S_CUT, S_TILT = range(7)
 
 
-class Splats:
+class SplatBuffers:
     """Room for what a view shows of N Gaussians: those of a chunk of the scene lie packed from the chunk's start on.
 
     Pixels have the image's top-left corner at 0. The quadratic form of a splat is q = (l1 dx + l2 dy)^2 + (l3 dy)^2.
 
-    table (N + 1, ROW): centre, depth; l1, l2, l3 divided by sqrt(2), so that the exponent is
-    log_opacity - (l1 dx + l2 dy)^2 - (l3 dy)^2, and its coefficients of dx^2, dx dy, dy^2; r, g, b, 1. The last row is
-    transparent padding. shape (N, SHAPE): x - 0.5, l2 / l1 and 1 / l1 in tiles; y - 0.5, l3; cut, the q where alpha is 1/255;
-    tilt, the dy of that ellipse's rightmost point. first, last (N,): tile rows of the ellipse, last < first where there is no
-    splat. z (N,): camera depth.
+    table (N + 1, BLEND_COLUMNS): the columns are `BlendColumn`; the last row is transparent padding. ellipses
+    (N, ELLIPSE_COLUMNS): the columns are `EllipseColumn`. first, last (N,): tile rows of the ellipse, last < first where there
+    is no splat. z (N,): camera depth.
     """
 
     def __init__(self, count: int) -> None:
-        self.table = np.empty((count + 1, ROW), np.float32)
-        self.shape = np.empty((count, SHAPE), np.float32)
+        self.table = np.empty((count + 1, BLEND_COLUMNS), np.float32)
+        self.ellipses = np.empty((count, ELLIPSE_COLUMNS), np.float32)
         self.first, self.last = np.empty((2, count), np.int16)
         self.z = np.empty(count, np.float32)
         self.table[-1] = 0
-        self.table[-1, LOG_OPACITY] = EMPTY_LOG_OPACITY
+        self.table[-1, BlendColumn.LOG_OPACITY] = EMPTY_LOG_OPACITY
 
 
-class View:
-    """One camera in the numbers that projection needs; x and y stacked, (2, 1)."""
+class ViewProjection:
+    """The numbers of one camera that projection needs; those of x and y are stacked, (2, 1)."""
 
     def __init__(self, tables: SceneTables, intrinsics: Intrinsics, pose: Pose, near: float) -> None:
         k = intrinsics
@@ -62,15 +60,39 @@ class View:
         f, middle, half = (np.array(a)[:, None] for a in ((k.fx, k.fy), (k.cx, k.cy), (0.5 * k.width, 0.5 * k.height)))
         low, high = -middle / f, (2 * half - middle) / f
         margin = c.JACOBIAN_MARGIN * half / f
-        limits = np.stack([low - margin, high + margin])  # of x/z and y/z in the Jacobian
-        # longest possible row of the Jacobian times z
+        # The range of x/z and y/z within which the Jacobian is taken.
+        limits = np.stack([low - margin, high + margin])
+        # The greatest length of a row of the Jacobian, times z.
         gain = f * np.hypot(1.0, np.abs(limits).max(axis=0)) * (1 + 1e-5)
         self.f, self.middle, self.gain = (a.astype(np.float32) for a in (f, middle, gain))
         self.limits, self.off_middle = limits.astype(np.float32), (middle - half).astype(np.float32)
         self.border = (half + MAX_PIXEL_MARGIN).astype(np.float32)
 
 
-def project_chunk(tables: SceneTables, view: View, part: slice, splats: Splats) -> IndexArray:
+@dataclass(frozen=True, eq=False)
+class Conic:
+    """The ellipses of n splats, low-pass included: variances (2, n) and covariance (n,) in pixels^2, 1 / l1 and l3 (n,)."""
+
+    variance: Float32Array
+    covariance: Float32Array
+    inverse_l1: Float32Array
+    l3: Float32Array
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectedSplats:
+    """n Gaussians in the image: centre (2, n) in pixels, camera depth (n,), ellipses, log opacity and cut (n,) as in
+    `SceneTables`.
+    """
+
+    centre: Float32Array
+    z: Float32Array
+    conic: Conic
+    log_opacity: Float32Array
+    cut: Float32Array
+
+
+def project_chunk(tables: SceneTables, view: ViewProjection, part: slice, splats: SplatBuffers) -> IndexArray:
     """Project the Gaussians of `part` into their room, all but the colour; which of them (n,) fill its first n slots."""
     exact = view.R @ tables.means[:, part].astype(np.float64)
     exact += view.t
@@ -91,11 +113,11 @@ def project_chunk(tables: SceneTables, view: View, part: slice, splats: Splats) 
         np.multiply(plane[:, None], axes[2], out=rows[:, :3])
         np.subtract(axes[:2], rows[:, :3], out=rows[:, :3])
         rows[:, :3] *= np.divide(view.f, z)[:, None]
-        _write(splats, own, view.tile_rows, centre, z, _conic(rows), body[9], body[10])
+        _write(splats, own, view.tile_rows, ProjectedSplats(centre, z, _conic(rows), body[9], body[10]))
     return index
 
 
-def _cull(points: Float32Array, reach: Float32Array, view: View) -> IndexArray:
+def _cull(points: Float32Array, reach: Float32Array, view: ViewProjection) -> IndexArray:
     """Which Gaussians' bounding spheres may reach the image, never judged by the centre alone. points (3, m): camera space."""
     z = points[2]
     off = points[:2] * view.f
@@ -108,8 +130,8 @@ def _cull(points: Float32Array, reach: Float32Array, view: View) -> IndexArray:
     return np.flatnonzero(near)
 
 
-def _conic(rows: Float32Array) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array]:
-    """Variances (2, n) and covariance (n,) of splats in pixels^2, low-pass included, 1 / l1 and l3 (n,).
+def _conic(rows: Float32Array) -> Conic:
+    """The ellipses of n splats.
 
     rows (2, 5, n): the Jacobian times the Gaussian's axes, the last two of five are room; overwritten. 1 / l1^2 is the variance
     of x where y is known, the determinant divided by that of y. Cauchy-Binet keeps that of a needle, where a c - b^2 would
@@ -130,57 +152,64 @@ def _conic(rows: Float32Array) -> tuple[Float32Array, Float32Array, Float32Array
     free *= l3
     free += low
     free += np.einsum("kn,kn->n", minors, minors)
-    return variance, covariance, np.sqrt(free, out=free), l3
+    return Conic(variance, covariance, np.sqrt(free, out=free), l3)
 
 
-def _write(
-    splats: Splats,
-    own: slice,
-    tile_rows: int,
-    centre: Float32Array,
-    z: Float32Array,
-    conic: tuple[Float32Array, Float32Array, Float32Array, Float32Array],
-    log_opacity: Float32Array,
-    cut: Float32Array,
-) -> None:
-    """The rows of n splats into the slots `own`, from centre (2, n), depth (n,) and what `_conic` gave."""
-    variance, covariance, inverse, l3 = conic
-    block = np.empty((ROW, len(z)), np.float32)
-    shape = np.empty((SHAPE, len(z)), np.float32)
-    variance *= cut
+def _write(splats: SplatBuffers, own: slice, tile_rows: int, projected: ProjectedSplats) -> None:
+    """The rows of n splats into the slots `own`; the arrays of their ellipses are overwritten."""
+    variance = projected.conic.variance
+    variance *= projected.cut
     extent = np.sqrt(variance, out=variance)
-    shape[S_Y], shape[S_L3], shape[S_CUT] = centre[1], l3, cut
-    shape[S_Y] -= np.float32(HALF_PIXEL)
-    tilt = np.multiply(covariance, cut, out=shape[S_TILT])
-    tilt /= extent[0]
-    covariance *= l3
-    covariance *= l3
-    skew = np.negative(covariance, out=covariance)
-    np.subtract(centre[0], np.float32(HALF_PIXEL), out=shape[S_X])
-    shape[S_SKEW], shape[S_INVERSE] = skew, inverse
-    shape[S_X : S_INVERSE + 1] *= np.float32(1 / TILE)
-    shape[-1] = 0
-    block[MX : MY + 1], block[Z], block[LOG_OPACITY] = centre, z, log_opacity
-    half = np.float32(np.sqrt(0.5))
-    np.divide(half, inverse, out=block[L1])
-    np.multiply(skew, block[L1], out=block[L2])
-    np.multiply(half, l3, out=block[L3])
-    np.multiply(block[L1:L3], block[L1], out=block[XX : XY + 1])
-    block[XY] += block[XY]
-    np.einsum("kn,kn->n", block[L2 : L3 + 1], block[L2 : L3 + 1], out=block[YY])
-    np.negative(block[XX : YY + 1], out=block[XX : YY + 1])
-    block[FEATURES:] = 1
-    cv2.transpose(block, splats.table[own])
-    cv2.transpose(shape, splats.shape[own])
-    edges = shape[S_Y] + extent[1] * np.array([[-1], [1]], np.float32)
+    ellipse, skew = _ellipse_rows(projected, extent[0])
+    cv2.transpose(_blend_rows(projected, skew), splats.table[own])
+    cv2.transpose(ellipse, splats.ellipses[own])
+    edges = ellipse[EllipseColumn.Y] + extent[1] * np.array([[-1], [1]], np.float32)
     edges *= np.float32(1 / TILE)
     np.floor(edges, out=edges)
     np.clip(edges, np.array([[0], [-1]], np.float32), np.array([[tile_rows], [tile_rows - 1]], np.float32), out=edges)
     splats.first[own], splats.last[own] = edges
 
 
-def depth_order(splats: Splats) -> IndexArray:
-    """The filled slots, front to back; equal depths keep the file's order."""
+def _ellipse_rows(projected: ProjectedSplats, extent_x: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """What the tile test reads of n splats, (ELLIPSE_COLUMNS, n), in tiles; and the ellipses' skew (n,) in pixels."""
+    centre, conic, cut = projected.centre, projected.conic, projected.cut
+    ellipse = np.empty((ELLIPSE_COLUMNS, len(projected.z)), np.float32)
+    ellipse[EllipseColumn.Y], ellipse[EllipseColumn.L3], ellipse[EllipseColumn.CUT] = centre[1], conic.l3, cut
+    ellipse[EllipseColumn.Y] -= np.float32(HALF_PIXEL)
+    tilt = np.multiply(conic.covariance, cut, out=ellipse[EllipseColumn.TILT])
+    tilt /= extent_x
+    covariance = conic.covariance
+    covariance *= conic.l3
+    covariance *= conic.l3
+    skew = np.negative(covariance, out=covariance)
+    np.subtract(centre[0], np.float32(HALF_PIXEL), out=ellipse[EllipseColumn.X])
+    ellipse[EllipseColumn.SKEW], ellipse[EllipseColumn.INVERSE_L1] = skew, conic.inverse_l1
+    ellipse[EllipseColumn.X : EllipseColumn.INVERSE_L1 + 1] *= np.float32(1 / TILE)
+    ellipse[-1] = 0
+    return ellipse, skew
+
+
+def _blend_rows(projected: ProjectedSplats, skew: Float32Array) -> Float32Array:
+    """What blending reads of n splats, (BLEND_COLUMNS, n): place, depth, opacity, and the exponent's coefficients."""
+    block = np.empty((BLEND_COLUMNS, len(projected.z)), np.float32)
+    block[BlendColumn.X : BlendColumn.Y + 1] = projected.centre
+    block[BlendColumn.Z], block[BlendColumn.LOG_OPACITY] = projected.z, projected.log_opacity
+    half = np.float32(np.sqrt(0.5))
+    np.divide(half, projected.conic.inverse_l1, out=block[BlendColumn.L1])
+    np.multiply(skew, block[BlendColumn.L1], out=block[BlendColumn.L2])
+    np.multiply(half, projected.conic.l3, out=block[BlendColumn.L3])
+    np.multiply(block[BlendColumn.L1 : BlendColumn.L3], block[BlendColumn.L1], out=block[BlendColumn.XX : BlendColumn.XY + 1])
+    block[BlendColumn.XY] += block[BlendColumn.XY]
+    lower = block[BlendColumn.L2 : BlendColumn.L3 + 1]
+    np.einsum("kn,kn->n", lower, lower, out=block[BlendColumn.YY])
+    exponent = block[BlendColumn.XX : BlendColumn.YY + 1]
+    np.negative(exponent, out=exponent)
+    block[BlendColumn.FEATURES :] = 1
+    return block
+
+
+def depth_order(splats: SplatBuffers) -> IndexArray:
+    """The slots that hold a splat, front to back; splats of equal depth keep the order of the file."""
     filled = np.flatnonzero(splats.last >= splats.first)
     return filled.take(ascending_order(splats.z.take(filled)))
 

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from ..errors import Cancelled
 from ..geometry.camera import Intrinsics, Pose
 from ..splats.scene import GaussianScene
-from .blend import CHANNELS, PIXELS, Scratch, TileImage, blend_tiles
+from .blend import CHANNELS, PIXELS, BlendWork, Scratch, TileBatch, TileImage, blend_tiles
 from .color import colors
-from .project import FEATURES, TILE, Splats, View, depth_order, project_chunk
-from .sharing import Workers
+from .columns import BlendColumn
+from .project import TILE, SplatBuffers, ViewProjection, depth_order, project_chunk
+from .sharing import ThreadTeam
 from .tables import CHUNK, SceneTables, build_tables
 from .tiles import Order, TileLists, bin_band, join_bands, plan_batches
 from .view import RenderedView, RenderSettings
@@ -26,8 +27,10 @@ Float32Array = NDArray[np.float32]
 IndexArray = NDArray[np.intp]
 Run = Callable[..., list[Any]]
 
-BAND_TILES = 1024  # tiles binned at once
-STRIPE_BANDS = 4  # bands whose lists are held at once; nothing here depends on the threads, so neither does the image
+# Tiles that are binned at once.
+BAND_TILES = 1024
+# Bands whose lists are in memory at once. It does not depend on the number of threads, so that the image does not either.
+STRIPE_BANDS = 4
 
 
 def _never() -> bool:
@@ -41,7 +44,7 @@ class Renderer:
         self.settings = settings or RenderSettings()
         self._tables = scene if isinstance(scene, SceneTables) else build_tables(scene)
         self._scratches: list[Scratch] = []
-        self._rooms: list[Splats] = []
+        self._buffers: list[SplatBuffers] = []
 
     def render(self, intrinsics: Intrinsics, pose: Pose, should_stop: Callable[[], bool] = _never) -> RenderedView:
         """Render as a pinhole (distortion ignored). `should_stop` is polled often; when it says True, raises Cancelled."""
@@ -51,25 +54,26 @@ class Renderer:
             if should_stop():
                 raise Cancelled("Rendering was cancelled.")
 
-        view = View(self._tables, intrinsics, pose, self.settings.near)
+        view = ViewProjection(self._tables, intrinsics, pose, self.settings.near)
         target = _Target(intrinsics, self._scratches)
         try:
-            splats = self._rooms.pop()
+            splats = self._buffers.pop()
         except IndexError:
-            splats = Splats(len(self._tables))
-        with Workers(threads) as workers:
-            run = workers.run
+            splats = SplatBuffers(len(self._tables))
+        with ThreadTeam(threads) as team:
+            run = team.run
             order = self._project(view, splats, run, poll)
             if len(order.slots):
                 for stripe in target.stripes():
                     stripe.draw(splats, order, run, poll)
-        self._rooms.append(splats)
+        self._buffers.append(splats)
         return target.view()
 
-    def _project(self, view: View, splats: Splats, run: Run, poll: Callable[[], None]) -> Order:
+    def _project(self, view: ViewProjection, splats: SplatBuffers, run: Run, poll: Callable[[], None]) -> Order:
         """Fill the splats of a view. The depth order, one thread's work, is found while others evaluate colours."""
         tables, count = self._tables, len(self._tables)
-        chunks = 2 * max(1, -(-count // (2 * CHUNK)))  # even and alike, so that two threads end together
+        # The number of chunks is even and their sizes are alike, so that two threads end together.
+        chunks = 2 * max(1, -(-count // (2 * CHUNK)))
         chunk = max(1, -(-count // chunks))
         parts = [slice(start, min(start + chunk, count)) for start in range(0, count, chunk)]
 
@@ -84,7 +88,7 @@ class Renderer:
             if len(index):
                 rgb = colors(tables.color[:, :, part], tables.means[:, part], view.centre, index)
                 own = slice(part.start, part.start + len(index))
-                cv2.transpose(rgb, splats.table[own, FEATURES : FEATURES + 3])
+                cv2.transpose(rgb, splats.table[own, BlendColumn.FEATURES : BlendColumn.FEATURES + 3])
             return None
 
         found = run(project, parts)
@@ -93,7 +97,7 @@ class Renderer:
 
 
 class _Target:
-    """The image in the making."""
+    """The image while it is being drawn."""
 
     def __init__(self, k: Intrinsics, scratches: list[Scratch]) -> None:
         self.scratches = scratches
@@ -123,18 +127,19 @@ class _Stripe:
         tiles = (end - begin) * target.columns
         self.image = TileImage(np.zeros((tiles, CHANNELS, PIXELS), np.float32), np.zeros(tiles, np.float32))
 
-    def draw(self, splats: Splats, order: Order, run: Run, poll: Callable[[], None]) -> None:
+    def draw(self, splats: SplatBuffers, order: Order, run: Run, poll: Callable[[], None]) -> None:
         def bin_(band: tuple[int, int]) -> TileLists:
             poll()
             return bin_band(splats, order, self.target.columns, *band)
 
         lists = join_bands(run(bin_, self.bands))
-        run(lambda batch: self._blend(splats.table, lists, batch, poll), plan_batches(lists.count))
+        work = BlendWork(splats.table, lists, self.image, poll)
+        run(lambda tiles: self._blend(work, tiles), plan_batches(lists.count))
         run(self._store, self.bands)
 
-    def _blend(self, table: Float32Array, lists: TileLists, batch: IndexArray, poll: Callable[[], None]) -> None:
+    def _blend(self, work: BlendWork, tiles: IndexArray) -> None:
         k = self.target.k
-        row, column = np.divmod(batch, self.target.columns)
+        row, column = np.divmod(tiles, self.target.columns)
         corner_x, corner_y = column * TILE, (row + self.begin) * TILE
         offset = np.arange(TILE)
         in_x, in_y = corner_x[:, None] + offset < k.width, corner_y[:, None] + offset < k.height
@@ -144,14 +149,14 @@ class _Stripe:
             scratch = self.target.scratches.pop()
         except IndexError:
             scratch = Scratch()
-        blend_tiles(table, lists, batch, centre, inside, self.image, scratch, poll)
+        blend_tiles(work, TileBatch(tiles, centre, inside), scratch)
         self.target.scratches.append(scratch)
 
     def _store(self, band: tuple[int, int]) -> None:
         target, (begin, end) = self.target, band
         k, rows, columns = target.k, end - begin, target.columns
         tiles = slice((begin - self.begin) * columns, (end - self.begin) * columns)
-        # moved by rows of a tile, as items of 32 bytes: numpy's inner loop is then a row of tiles, not of 8 floats
+        # The rows of tiles are moved as items of 32 bytes: numpy's inner loop is then a row of tiles instead of 8 floats.
         items = self.image.sums[tiles].view(f"V{4 * TILE}").reshape(rows, columns, -1, TILE).transpose(2, 0, 3, 1)
         image = np.ascontiguousarray(items).view(np.float32)
         image = image.reshape(-1, rows * TILE, columns * TILE)[:, : k.height - begin * TILE, : k.width]

@@ -1,4 +1,4 @@
-"""Sharing the items of a stage out between the calling thread and its helpers."""
+"""Sharing the work of a stage among the calling thread and helper threads."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import Any
 
-HANDOVER_S = 2e-4  # of 1, 0.2, 0.1 ms and less, the first that a frame gains from fully
+# Of the values tried (1, 0.2, 0.1 ms and less) this is the largest that gives a frame the whole gain.
+HANDOVER_S = 2e-4
 
 
 @contextlib.contextmanager
 def quick_handover() -> Iterator[None]:
     """The interpreter lock changes hands after HANDOVER_S at the latest, in all of the process; afterwards as before.
 
-    A thread that makes short calls into numpy gives the lock back and has it again before the one it woke can run, which may
-    go on until the switch interval has passed. Whoever finds it short already leaves it alone: of frames that overlap, the
-    first to come sets the interval and puts it back, and the last to go cannot leave it changed.
+    A thread that makes short calls into numpy releases the lock and takes it again before the thread that waits for it can
+    run, and this may go on until the switch interval has passed. Where the interval is short already it is left as it is: of
+    frames that overlap, the first one sets the interval and restores it, so that the last one cannot leave it changed.
     """
     before = sys.getswitchinterval()
-    # what is set comes back in whole microseconds
+    # Python rounds the interval to whole microseconds, hence the margin.
     if before <= 1.01 * HANDOVER_S:
         yield
         return
@@ -33,15 +34,17 @@ def quick_handover() -> Iterator[None]:
         sys.setswitchinterval(before)
 
 
-class Workers:
-    """`threads` threads, the caller's among them: one that only waited would wake for the interpreter lock at every result."""
+class ThreadTeam:
+    """`threads` threads that do the items of a stage. The calling thread is one of them: if it only waited, every result would
+    wake it, and it would take the interpreter lock from the others.
+    """
 
     def __init__(self, threads: int) -> None:
         self.helpers = max(0, threads - 1)
         self.pool = ThreadPoolExecutor(max(1, self.helpers))
         self.handover = quick_handover() if self.helpers else contextlib.nullcontext()
 
-    def __enter__(self) -> Workers:
+    def __enter__(self) -> ThreadTeam:
         self.handover.__enter__()
         return self
 

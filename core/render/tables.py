@@ -14,10 +14,13 @@ from .color import color_polynomials
 
 Float32Array = NDArray[np.float32]
 
-ROWS = 15  # without the colours
-CHUNK = 1 << 15  # most Gaussians per work item: a dozen float32 columns of it stay in the cache
+# Rows of the block without those of the colours.
+ROWS = 15
+# Most Gaussians in one item of work: a dozen float32 columns of so many stay in the processor's cache.
+CHUNK = 1 << 15
 
-CUT_MARGIN = 2e-3  # so that rounding in the ellipse's edge never loses a pixel whose alpha reaches 1/255
+# The margin keeps rounding at the ellipse's edge from losing a pixel whose alpha reaches 1/255.
+CUT_MARGIN = 2e-3
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .project import S_CUT, S_INVERSE, S_L3, S_SKEW, S_TILT, S_X, S_Y, SHAPE, TILE, Splats
+from .columns import ELLIPSE_COLUMNS, EllipseColumn
+from .project import TILE, SplatBuffers
 
 Float32Array = NDArray[np.float32]
 Int16Array = NDArray[np.int16]
@@ -17,9 +18,12 @@ Int32Array = NDArray[np.int32]
 Int64Array = NDArray[np.int64]
 IndexArray = NDArray[np.intp]
 
-BATCH_PAIRS = 49152  # pairs of a batch: some twenty batches in a photo, so that two threads end together
-LAST_PAIRS = 2 * BATCH_PAIRS  # pairs at the end of a frame that come in batches of a quarter
-TILE_COST = 8  # what a tile counts at least, in pairs; bounds the tiles of a batch
+# Pairs of a batch. A photo has some twenty batches, so that two threads end together.
+BATCH_PAIRS = 49152
+# So many pairs at the end of a frame come in batches of a quarter of the size.
+LAST_PAIRS = 2 * BATCH_PAIRS
+# A tile counts as at least so many pairs, which bounds the number of tiles in a batch.
+TILE_COST = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +44,11 @@ class Order:
     last: Int16Array
 
     @classmethod
-    def of(cls, splats: Splats, slots: IndexArray) -> Order:
+    def of(cls, splats: SplatBuffers, slots: IndexArray) -> Order:
         return cls(slots, splats.first.take(slots), splats.last.take(slots))
 
 
-def bin_band(splats: Splats, order: Order, columns: int, row_begin: int, row_end: int) -> TileLists:
+def bin_band(splats: SplatBuffers, order: Order, columns: int, row_begin: int, row_end: int) -> TileLists:
     """Tile lists of the tile rows [row_begin, row_end) of an image `columns` tiles wide."""
     hit = np.flatnonzero((order.last >= row_begin) & (order.first < row_end))
     first, rows = np.maximum(order.first.take(hit), row_begin), np.minimum(order.last.take(hit), row_end - 1)
@@ -53,7 +57,7 @@ def bin_band(splats: Splats, order: Order, columns: int, row_begin: int, row_end
     spans = _expand(_pack(order.slots.take(hit), first), rows)
     row = spans.astype(np.int32)
     slots = np.right_shift(spans, 32, out=spans)
-    begin, length = _span(splats.shape.take(slots, axis=0), row, columns)
+    begin, length = _span(splats.ellipses.take(slots, axis=0), row, columns)
     row -= row_begin
     row *= columns
     row += begin
@@ -88,7 +92,7 @@ def plan_batches(count: NDArray[np.intp]) -> list[NDArray[np.intp]]:
 
 
 def _pack(high: IndexArray, low: Int16Array | Int32Array) -> Int64Array:
-    """Two numbers in one, of 32 bits each; low >= 0."""
+    """Packs two numbers of 32 bits into one of 64; low >= 0."""
     out = np.left_shift(high, 32, dtype=np.int64)
     out |= low
     return out
@@ -112,28 +116,28 @@ def _expand(values: Int64Array, counts: Int16Array | Int32Array) -> Int64Array:
     return out
 
 
-def _span(shape: Float32Array, row: Int32Array, columns: int) -> tuple[Int32Array, Int32Array]:
+def _span(ellipses: Float32Array, row: Int32Array, columns: int) -> tuple[Int32Array, Int32Array]:
     """First tile column and number of columns (n,), at most 0 for none, that an ellipse covers within a tile row.
 
-    shape (n, SHAPE): rows of `Splats.shape`; row (n,).
+    ellipses (n, ELLIPSE_COLUMNS): rows of `SplatBuffers.ellipses`; row (n,).
     """
-    s = np.empty((SHAPE, len(row)), np.float32)
+    s = np.empty((ELLIPSE_COLUMNS, len(row)), np.float32)
     if len(row):
-        cv2.transpose(shape, s)
+        cv2.transpose(ellipses, s)
     top = row * np.float32(TILE)
-    top -= s[S_Y]
-    # the rows at which the ellipse reaches furthest left and right, or the ones nearest to them
-    dy = s[S_TILT] * np.array([[-1], [1]], np.float32)
+    top -= s[EllipseColumn.Y]
+    # The rows at which the ellipse reaches furthest left and right, or the nearest rows to them within the tile.
+    dy = s[EllipseColumn.TILT] * np.array([[-1], [1]], np.float32)
     np.clip(dy, top, top + np.float32(TILE - 1), out=dy)
-    # q = (l1 dx + l2 dy)^2 + (l3 dy)^2 <= cut at this dy; the ellipse is convex, so its extreme over the row is here
-    half = dy * s[S_L3]
+    # At this dy, q = (l1 dx + l2 dy)^2 + (l3 dy)^2 <= cut. The ellipse is convex, so that its extreme within the row is here.
+    half = dy * s[EllipseColumn.L3]
     np.square(half, out=half)
-    np.subtract(s[S_CUT], half, out=half)
+    np.subtract(s[EllipseColumn.CUT], half, out=half)
     np.maximum(half, np.float32(0), out=half)
     np.sqrt(half, out=half)
-    half *= s[S_INVERSE]
-    dy *= s[S_SKEW]
-    np.subtract(s[S_X], dy, out=dy)
+    half *= s[EllipseColumn.INVERSE_L1]
+    dy *= s[EllipseColumn.SKEW]
+    np.subtract(s[EllipseColumn.X], dy, out=dy)
     dy[0] -= half[0]
     dy[1] += half[1]
     np.floor(dy, out=dy)

@@ -14,7 +14,8 @@ from ..splats.scene import GaussianScene
 Float32Array = NDArray[np.float32]
 
 INRIA_NEAR = 0.2  # scene units
-NEAR_RATIO = 0.15  # of the median distance of the Gaussians from their middle
+# A share of the median distance of the Gaussians from their middle.
+NEAR_RATIO = 0.15
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,9 @@ class ViewRenderer(Protocol):
     def render(self, intrinsics: Intrinsics, pose: Pose) -> RenderedView: ...
 
 
-def alone(renderer: ViewRenderer) -> ViewRenderer:
-    """What draws a view that no other is drawn beside: all threads share it, where `renderer` draws each on one."""
-    own: ViewRenderer = getattr(renderer, "alone", renderer)
-    return own
+def sole_renderer(renderer: ViewRenderer) -> ViewRenderer:
+    """The renderer for a view that is drawn by itself, not beside others. A `ProcessRenderer` draws each view on one thread and
+    has another renderer (`sole`), whose threads share one view; any other renderer is returned as it is.
+    """
+    sole: ViewRenderer = getattr(renderer, "sole", renderer)
+    return sole

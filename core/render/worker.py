@@ -21,7 +21,7 @@ from .view import RenderSettings
 
 
 def main() -> int:
-    """Draw what is asked for."""
+    """Draws a view for each request, until there are no more."""
     requests = Requests()
     cv2.setNumThreads(1)
     header, (origin,) = requests.next()

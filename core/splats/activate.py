@@ -19,7 +19,7 @@ class SceneBuilder:
         self._rotations = np.empty((capacity, 4), np.float32)
         self._opacities = np.empty(capacity, np.float32)
         self._sh = np.empty((capacity, coefficients, 3), np.float32)
-        self.seen = 0
+        self.filled = 0
 
     def add(self, rows: Float32Array) -> None:
         """Append raw rows (n, 11 + 3 K).
@@ -41,16 +41,17 @@ class SceneBuilder:
         """Append n Gaussians shaped as in GaussianScene, their quaternions of any length."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             norms = np.sqrt(np.einsum("ij,ij->i", rotations, rotations, dtype=np.float64))
-            at = slice(self.seen, self.seen + len(means))
-            self._rotations[at] = rotations / norms[:, None]  # NaN where the length is 0
-        self._means[at] = means
-        self._scales[at] = scales
-        self._opacities[at] = opacities
-        self._sh[at] = sh
-        self.seen += len(means)
+            rows = slice(self.filled, self.filled + len(means))
+            # A quaternion of length 0 becomes NaN.
+            self._rotations[rows] = rotations / norms[:, None]
+        self._means[rows] = means
+        self._scales[rows] = scales
+        self._opacities[rows] = opacities
+        self._sh[rows] = sh
+        self.filled += len(means)
 
     def scene(self, source_format: str, orientation: Orientation = "Y_DOWN") -> GaussianScene:
-        """The scene of everything added, as `GaussianScene.checked` makes it, and its errors."""
-        n = self.seen
+        """The scene of everything added, as `GaussianScene.checked` makes it. Raises its errors."""
+        n = self.filled
         arrays = (self._means[:n], self._scales[:n], self._rotations[:n], self._opacities[:n], self._sh[:n])
-        return GaussianScene.checked(*arrays, source_format, orientation)
+        return GaussianScene(*arrays, format=source_format, orientation=orientation).checked()

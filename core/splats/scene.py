@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,10 @@ from ..geometry.conventions import Orientation
 Float32Array = NDArray[np.float32]
 
 SH_COEFFICIENTS = (1, 4, 9, 16)
-CHECKED_ROWS = 1 << 14  # Gaussians checked at a time; their numbers stay in the processor's cache
-UNIT_TOLERANCE = 1e-4  # of a quaternion's length; less is rounding and stays as it is
+# So many Gaussians are checked at a time, so that their numbers stay in the processor's cache.
+CHECKED_ROWS = 1 << 14
+# A quaternion whose length is off by less than this is unit up to rounding, and stays as it is.
+UNIT_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,29 +51,25 @@ class GaussianScene:
         if self.sh.ndim != 3 or len(self.sh) != n or self.sh.shape[1] not in SH_COEFFICIENTS or self.sh.shape[2] != 3:
             raise SplatFormatError(f"The scene's SH have shape {self.sh.shape}; (N, K, 3) with K = 1, 4, 9 or 16 is needed.")
 
-    @classmethod
-    def checked(
-        cls,
-        means: Float32Array,
-        scales: Float32Array,
-        rotations: Float32Array,
-        opacities: Float32Array,
-        sh: Float32Array,
-        format: str = "",
-        orientation: Orientation = "Y_DOWN",
-    ) -> GaussianScene:
-        """The scene of these arrays, shaped as its own, of which nothing is taken on trust: readers and Blender's objects end
-        here. Gaussians with a NaN, an infinity, a negative scale or a zero quaternion are left out and counted; quaternions of
-        another length than 1 and opacities outside 0..1 are put right and counted.
+    def checked(self) -> GaussianScene:
+        """The same scene with nothing taken on trust: every reader ends here, and so does what is copied out of Blender.
+        Gaussians with a NaN, an infinity, a negative scale or a zero quaternion are left out and counted in `dropped`;
+        quaternions of another length than 1 and opacities outside 0..1 are put right and counted in `normalised`.
 
         The arrays are taken over: where something is wrong, what is kept moves up inside them, so that a scan is in memory
-        once. Raises SplatFormatError when shapes disagree or nothing is left.
+        once; `self` is not to be used afterwards. Raises SplatFormatError when nothing is left.
         """
-        m, s, r, o, h = (np.require(a, np.float32, ("C", "W")) for a in (means, scales, rotations, opacities, sh))
-        kept, normalised = _compacted(cls(m, s, r, o, h))
+        count, own = len(self), [np.require(array, np.float32, ("C", "W")) for array in self._arrays]
+        kept, normalised = _compacted(own)
         if kept == 0:
-            raise SplatFormatError(f"All {len(m)} Gaussians of the file hold NaN or infinite values; export the scan again.")
-        return cls(m[:kept], s[:kept], r[:kept], o[:kept], h[:kept], len(m) - kept, normalised, format, orientation)
+            raise SplatFormatError(f"All {count} Gaussians of the file hold NaN or infinite values; export the scan again.")
+        m, s, r, o, h = (array[:kept] for array in own)
+        return GaussianScene(m, s, r, o, h, count - kept, normalised, self.format, self.orientation)
+
+    @property
+    def _arrays(self) -> tuple[Float32Array, ...]:
+        """All arrays, with a row for each Gaussian."""
+        return self.means, self.scales, self.rotations, self.opacities, self.sh
 
     def __len__(self) -> int:
         return len(self.means)
@@ -80,11 +79,10 @@ class GaussianScene:
         return SH_COEFFICIENTS.index(self.sh.shape[1])
 
 
-def _compacted(scene: GaussianScene) -> tuple[int, int]:
-    """Puts the sound Gaussians of `scene` at the front of its arrays; how many they are, and how many had to be put right."""
+def _compacted(arrays: Sequence[Float32Array]) -> tuple[int, int]:
+    """Puts the sound Gaussians at the front of a scene's `arrays`; how many they are, and how many had to be put right."""
     kept = normalised = 0
-    arrays = (scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh)
-    for start in range(0, len(scene), CHECKED_ROWS):
+    for start in range(0, len(arrays[0]), CHECKED_ROWS):
         part = [a[start : start + CHECKED_ROWS] for a in arrays]
         good, odd = _judged(*part)
         normalised += int(odd.sum())

@@ -24,7 +24,8 @@ NAME = "splat"
 ORIENTATION: Orientation = "Y_DOWN"
 RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("rotation", "u1", 4)])
 CHUNK_ROWS = 1 << 14
-CREDIBLE_LENGTH, CREDIBLE_SHARE = 1e12, 0.75  # of positions and scales; of the records that a file begins with
+# The bound on positions and scales, and the share of the first records of a file that must keep it.
+CREDIBLE_LENGTH, CREDIBLE_SHARE = 1e12, 0.75
 QUATERNION_LENGTHS = (0.9, 1.1)
 
 
@@ -61,14 +62,14 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     count = inspect(path).count
     builder = SceneBuilder(count, 1)
     with open(path, "rb") as file:
-        while data := file.read(min(CHUNK_ROWS, count - builder.seen) * RECORD.itemsize):
+        while data := file.read(min(CHUNK_ROWS, count - builder.filled) * RECORD.itemsize):
             rows = np.frombuffer(data[: len(data) // RECORD.itemsize * RECORD.itemsize], RECORD)
             rgba = np.asarray(rows["rgba"].astype(np.float32) / 255, np.float32)
             sh = np.asarray((rgba[:, :3] - 0.5) / SH_C0, np.float32)[:, None]
             rotations = np.asarray(rows["rotation"].astype(np.float32) / 128 - 1, np.float32)
             builder.add_activated(rows["mean"], rows["scale"], rotations, rgba[:, 3], sh)
             if progress is not None:
-                progress(builder.seen / count)
+                progress(builder.filled / count)
     return builder.scene(NAME, ORIENTATION)
 
 

@@ -12,7 +12,8 @@ from ..geometry.conventions import Orientation, Similarity
 from ..geometry.quaternion import quaternion_from_rotation
 from .scene import GaussianScene
 
-DIRECTIONS = 64  # more than enough to tell the 7 functions of degree 3 apart
+# More than enough to tell the 7 functions of degree 3 apart.
+DIRECTIONS = 64
 
 
 def transformed(scene: GaussianScene, move: Similarity, orientation: Orientation) -> GaussianScene:

@@ -6,7 +6,8 @@ import os
 import sys
 from pathlib import Path
 
-FAR = 0x7FFFFFF0  # Windows keeps others from reading what is locked, so a byte far behind the content is
+# Windows keeps others from reading what is locked. Hence a byte far behind the content is locked.
+FAR = 0x7FFFFFF0
 
 
 def open_locked(path: Path) -> int | None:

@@ -14,8 +14,10 @@ from pathlib import Path
 from .lock import open_locked
 
 PREFIX = "gssmc-scratch-"
-HELD = "held"  # the file in it whose lock says that its process lives; a folder without it is none of ours
-GRACE_S = 60.0  # a younger folder may be one whose lock is just being taken
+# The file in a folder whose lock says that its process lives. A folder without this file is not one of ours.
+HELD = "held"
+# A younger folder may be one whose lock is just being taken.
+GRACE_S = 60.0
 
 
 class ScratchFolder:

@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..geometry.camera import FloatArray
 
-SAMPLES = 20  # points of the window that a surface point looks for
-BOUNCE = 0.52  # light that is everywhere
+# How many points of the window each surface point is lit by.
+SAMPLES = 20
+# The light that is everywhere.
+BOUNCE = 0.52
 DIRECT = 5.2
 LIFT = 0.02  # scene units off the surface, so that nothing shades itself
 REACH = 0.35  # depth of a corner's dusk, scene units
 
 
-def daylight(
-    rng: np.random.Generator,
-    points: FloatArray,
-    normals: FloatArray,
-    window: tuple[FloatArray, FloatArray],
-    boxes: FloatArray,
-    hull: tuple[FloatArray, FloatArray],
-) -> FloatArray:
-    """Brightness factor (N,) of surface points (N, 3) with unit `normals` (N, 3), for display-encoded colours.
-
-    `window`: low and high corner of the light's rectangle; `boxes` (B, 2, 3): low and high corners of what casts shadows;
-    `hull`: low and high corner of the room.
+@dataclass(frozen=True, eq=False)
+class LitRoom:
+    """Where the light comes from and what stands in its way. `window`: low and high corner of the light's rectangle; `boxes`
+    (B, 2, 3): low and high corners of what casts shadows; `hull`: low and high corner of the room. Scene units.
     """
-    low, high = window
+
+    window: tuple[FloatArray, FloatArray]
+    boxes: FloatArray
+    hull: tuple[FloatArray, FloatArray]
+
+
+def daylight(rng: np.random.Generator, points: FloatArray, normals: FloatArray, room: LitRoom) -> FloatArray:
+    """Brightness factor (N,) of surface points (N, 3) with unit `normals` (N, 3), for display-encoded colours."""
+    low, high = room.window
     start = points + LIFT * normals
     light = np.zeros(len(points))
     cells = (np.arange(SAMPLES) + rng.uniform(0, 1, SAMPLES)) / SAMPLES
@@ -36,9 +40,9 @@ def daylight(
         distance = np.linalg.norm(way, axis=1)
         facing = np.clip(np.einsum("ij,ij->i", way, normals) / distance, 0, None)
         lit = facing > 0
-        lit[lit] &= ~_blocked(start[lit], way[lit], boxes)
+        lit[lit] &= ~_blocked(start[lit], way[lit], room.boxes)
         light += np.where(lit, facing / (1 + distance**2), 0) / SAMPLES
-    return np.asarray((BOUNCE * _corner(points, *hull) + DIRECT * light) ** (1 / 2.2))
+    return np.asarray((BOUNCE * _corner(points, *room.hull) + DIRECT * light) ** (1 / 2.2))
 
 
 def _blocked(start: FloatArray, way: FloatArray, boxes: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from ..geometry.camera import FloatArray
 from ..splats.scene import GaussianScene
 from . import textures as tx
-from .light import daylight
+from .light import LitRoom, daylight
 from .surfaces import SH_C0, Surfels, ball, leaves
 from .tessellate import Panel, box, panel, tessellate
 
@@ -92,7 +92,7 @@ def _to_scene(rng: tx.Rng, made: Surfels) -> GaussianScene:
     axes[away] *= (1, -1, -1)  # the third axis is the side that is seen, and the frame stays right-handed
     balls = np.array([[np.subtract(centre, 0.6 * radius), np.add(centre, 0.6 * radius)] for centre, radius in BALLS])
     solid = np.concatenate([np.array(list(BOXES.values())), balls])
-    shade = daylight(rng, made.centres, axes[:, :, 2], WINDOW, solid, HULL)
+    shade = daylight(rng, made.centres, axes[:, :, 2], LitRoom(WINDOW, solid, HULL))
     colors = np.clip(made.colors * shade[:, None], 0.01, 0.99)
     n = len(colors)
     sh = np.zeros((n, 4, 3), np.float32)

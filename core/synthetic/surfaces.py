@@ -11,7 +11,8 @@ from ..geometry.camera import FloatArray
 from .textures import Picture, Rng
 
 SH_C0 = 0.28209479177387814
-FILL = 0.6  # deviation in the surface, as a share of the spacing: neighbours melt without a blur
+# Deviation within the surface, as a share of the spacing: neighbours join without a blur.
+FILL = 0.6
 THICKNESS = 0.08
 
 

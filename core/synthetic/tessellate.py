@@ -11,13 +11,16 @@ from ..geometry.camera import FloatArray
 from .surfaces import Surfels
 from .textures import Picture
 
-FILL = 0.6  # deviation in the surface, as a share of a cell's side: neighbours meet without a gap, edges stay sharp
+# Deviation within the surface, as a share of a cell's side: neighbours meet without a gap, and edges stay sharp.
+FILL = 0.6
 THICKNESS = 0.002  # scene units
 MAX_SIDE = 0.22  # scene units: a larger Gaussian would spill over its neighbours
 MAX_ASPECT = 5.0
-SPLIT_SHARE = 0.35  # of the cells in one round: the worst are split, and then looked at again
+# The share of the cells that is split in one round; the worst come first, and all are rated again afterwards.
+SPLIT_SHARE = 0.35
 CUTS = (0.3, 0.5, 0.7)
-PLAIN = 2e-4  # squared colour: what a cell without detail counts as, so that plain walls are not left to single cells
+# The cost (squared colour) of a cell without detail, so that plain walls are not left to single cells.
+PLAIN = 2e-4
 
 IntArray = NDArray[np.int64]
 

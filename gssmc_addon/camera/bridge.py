@@ -16,9 +16,10 @@ from ..photo import image as photo_image
 from ..support.texts import rpt_
 
 CALIBRATED = "CALIBRATED"  # of the property `lens_state`
+Distortion = tuple[float, float, float, float, float]  # in the order of DIST_NAMES
 DIST_NAMES = ("k1", "k2", "p1", "p2", "k3")
-MATRIX_TOLERANCE = 1e-4  # float32 through a parent's inverse
-SAME_PIXEL = 1e-6  # relative; Blender keeps float32
+MATRIX_TOLERANCE = 1e-4  # Blender multiplies with a parent's inverse in float32.
+SAME_PIXEL = 1e-6  # A relative difference; Blender stores these values as float32.
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class CameraCopy:
     """
 
     lens: BlenderLens
-    dist: tuple[float, ...]
+    dist: Distortion
     pose: Pose
     frame: tuple[int, int]
     focal_guessed: bool = False
@@ -49,8 +50,8 @@ def splat_similarity(splat: bpy.types.Object) -> Similarity:
 
 
 def world_matrix(obj: bpy.types.Object) -> Matrix:
-    """Where the object stands in the scene. Blender works it out only for what is in a view layer: of an object in an excluded
-    collection it has the identity after a file was opened.
+    """The object's matrix in the scene. Blender computes it only for objects in a view layer: after a file is opened, an object
+    in an excluded collection still has the identity.
     """
     if obj.matrix_world != Matrix.Identity(4):
         return obj.matrix_world
@@ -95,12 +96,13 @@ def with_aspects(lens: BlenderLens, aspects: tuple[float, float]) -> BlenderLens
 
 
 def photo_pixel(data: bpy.types.Camera, lens: BlenderLens) -> float:
-    """How wide a pixel of the camera's photo is shown, in its heights; one of the frame's until a lens said otherwise."""
+    """Width over height of the photo's pixels as they are shown; that of the render's pixels until a lens sets it."""
     return data.gssmc.photo_pixel or lens.pixel
 
 
-def read_distortion(data: bpy.types.Camera) -> tuple[float, ...]:
-    return tuple(getattr(data.gssmc, name) for name in DIST_NAMES)
+def read_distortion(data: bpy.types.Camera) -> Distortion:
+    k1, k2, p1, p2, k3 = (getattr(data.gssmc, name) for name in DIST_NAMES)
+    return k1, k2, p1, p2, k3
 
 
 def write_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, result: Camera) -> None:
@@ -153,29 +155,30 @@ def write_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intr
 
     Where fx and fy differ, the photo's pixels are shown oblong; those of the render are the scene's and stay as they are.
     """
-    note, render = data.gssmc, scene.render
-    pixel = _nearly(float(np.float32(conventions.pixel_shape(photo))), note.photo_pixel)
+    props, render = data.gssmc, scene.render
+    pixel = _nearly(float(np.float32(conventions.pixel_shape(photo))), props.photo_pixel)
     lens = lens_in_render(scene, data, photo, pixel)
-    note.frame_x, note.frame_y, note.frame_pixel = render.resolution_x, render.resolution_y, lens.pixel
-    note.photo_pixel = pixel
+    props.frame_x, props.frame_y, props.frame_pixel = render.resolution_x, render.resolution_y, lens.pixel
+    props.photo_pixel = pixel
     _keep_size(data, photo)
     data.lens, data.shift_x, data.shift_y = lens.lens_mm, lens.shift_x, lens.shift_y
     for name, value in zip(DIST_NAMES, photo.dist, strict=True):
-        setattr(note, name, value)
+        setattr(props, name, value)
     show_pixel(data)
 
 
 def lens_in_render(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intrinsics, pixel: float) -> BlenderLens:
     """The lens with which the photo, its pixels `pixel` times as wide as high, lies in the render's present frame."""
     like = with_aspects(read_lens(scene, data), render_aspects(scene))
-    same_focal = replace(photo, fy=photo.fx * pixel)  # to the last digit, or Blender's pixel aspect would have to follow
+    # It has to be equal to the last digit, or Blender's pixel aspect would change.
+    same_focal = replace(photo, fy=photo.fx * pixel)
     resolution = scene.render.resolution_x, scene.render.resolution_y
     frame = conventions.frame_around_photo(same_focal, *resolution, like.pixel, pixel)
     return conventions.blender_from_intrinsics(frame, like)
 
 
 def show_pixel(data: bpy.types.Camera) -> None:
-    """Has the pictures behind the camera drawn with the photo's own pixels."""
+    """Makes Blender draw the pictures behind the camera with the pixel aspect of the photo."""
     if not data.gssmc.photo_pixel:
         return
     aspects = conventions.pixel_aspects(data.gssmc.photo_pixel)
@@ -199,11 +202,11 @@ def photo_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, width: int,
 
 def _keep_size(data: bpy.types.Camera, photo: Intrinsics) -> None:
     """Notes how large the photo is in its own file, of which Blender may hold a smaller copy that was refined."""
-    note, image = data.gssmc, photo_image.photo_of(data)
-    if note.framed != image or not (note.photo_x and note.photo_y):
-        note.framed, note.photo_x, note.photo_y = image, photo.width, photo.height
+    props, image = data.gssmc, photo_image.photo_of(data)
+    if props.framed != image or not (props.photo_x and props.photo_y):
+        props.framed, props.photo_x, props.photo_y = image, photo.width, photo.height
 
 
 def _nearly(value: float, kept: float) -> float:
-    """`kept` where it is as good as `value`, which would otherwise drift with every writing."""
+    """`kept` where it equals `value` within float32, so that the value does not drift with every write."""
     return kept if kept and abs(value - kept) <= SAME_PIXEL * kept else value

@@ -1,4 +1,4 @@
-"""What else sets a camera's transform and lens: constraints, drivers, NLA, keyframes. Refused, or written along."""
+"""What else sets a camera's transform and lens. Constraints, drivers and NLA are refused; keyframes are written along."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ...core.errors import CameraError
 from ..support.texts import rpt_
 
 WRITTEN_CHANNELS = ("location", "rotation", "lens", "shift")
-DRIVEN_CHANNELS = (*WRITTEN_CHANNELS, "scale", "delta_")  # a driver on these moves what was just written
+DRIVEN_CHANNELS = (*WRITTEN_CHANNELS, "scale", "delta_")  # A driver on one of these would move what was just written.
 ROTATION_PATHS = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
 LENS_PATHS = ("lens", "shift_x", "shift_y")
 

@@ -1,4 +1,4 @@
-"""Cameras out to files of other programs, in the coordinates of the splat file. camera.import_job is the way in."""
+"""Exports cameras to files of other programs, in the coordinates of the splat file. camera.import_job imports them."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list
     """
     if not objects:
         raise CameraError(rpt_("There is no camera to export; select one, or add a photo first."))
-    found: list[Outgoing] = []
+    outgoing: list[Outgoing] = []
     for obj in objects:
         plate = plate_source.moving_photo(obj)
-        found += _plate_cameras(scene, obj, plate) if plate else [_camera(scene, obj, _still(scene, obj))]
-    names = Counter((item.camera.file, item.movie_frame) for item in found)
+        outgoing += _plate_cameras(scene, obj, plate) if plate else [_camera(scene, obj, _still(scene, obj))]
+    names = Counter((item.camera.file, item.movie_frame) for item in outgoing)
     twice = next((file for (file, _), count in names.items() if count > 1), None)
     if twice:
         raise DatasetError(
@@ -69,21 +69,21 @@ def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list
                 'Two cameras have the photo "{photo}", by whose name files tell cameras apart; export one of them.', photo=twice
             )
         )
-    return found
+    return outgoing
 
 
-def out_of_training_world(found: Sequence[Outgoing], file: Path) -> list[Outgoing]:
+def out_of_training_world(outgoing: Sequence[Outgoing], file: Path) -> list[Outgoing]:
     """The cameras in the world of the transforms.json that the splat was trained from. Raises GssmcError."""
     world = read_training_world(file).inverse()
-    return [replace(item, camera=replace(item.camera, pose=world.pose_to_scene(item.camera.pose))) for item in found]
+    return [replace(item, camera=replace(item.camera, pose=world.pose_to_scene(item.camera.pose))) for item in outgoing]
 
 
-def write(path: Path, kind: str, found: Sequence[Outgoing]) -> list[str]:
+def write(path: Path, kind: str, outgoing: Sequence[Outgoing]) -> list[str]:
     """Writes the cameras: COLMAP into the folder `path`, NERFSTUDIO and JSON as the file `path`. Raises GssmcError.
 
     COLMAP and nerfstudio cannot tell a verdict: there cameras that failed are left out. Sentences on that.
     """
-    usable = list(found) if kind == "JSON" else _solved(found)
+    usable = list(outgoing) if kind == "JSON" else _solved(outgoing)
     cameras = [item.camera for item in usable]
     try:
         if kind == "COLMAP":
@@ -101,12 +101,12 @@ def write(path: Path, kind: str, found: Sequence[Outgoing]) -> list[str]:
         done = rpt_("1 camera was written to '{path}'.", path=path)
     else:
         done = rpt_("{count} cameras were written to '{path}'.", count=len(usable), path=path)
-    return [done, *_remarks(found, usable)]
+    return [done, *_remarks(outgoing, usable)]
 
 
-def _solved(found: Sequence[Outgoing]) -> list[Outgoing]:
-    """Those that did not fail. Raises DatasetError when none is left, or one shows a movie."""
-    usable = [item for item in found if item.verdict != "FAILED"]
+def _solved(outgoing: Sequence[Outgoing]) -> list[Outgoing]:
+    """The cameras that did not fail. Raises DatasetError when none is left, or one shows a movie."""
+    usable = [item for item in outgoing if item.verdict != "FAILED"]
     if not usable:
         raise DatasetError(rpt_("Every camera failed to be solved; refine them again, or export camera JSON."))
     movie = next((item for item in usable if item.movie_frame is not None), None)
@@ -121,8 +121,8 @@ def _solved(found: Sequence[Outgoing]) -> list[Outgoing]:
     return usable
 
 
-def _remarks(found: Sequence[Outgoing], usable: Sequence[Outgoing]) -> Iterator[str]:
-    left_out = [item for item in found if item.verdict == "FAILED" and item not in usable]
+def _remarks(outgoing: Sequence[Outgoing], usable: Sequence[Outgoing]) -> Iterator[str]:
+    left_out = [item for item in outgoing if item.verdict == "FAILED" and item not in usable]
     if left_out:
         values = {"count": len(left_out), "names": _names(left_out)}
         yield rpt_("{count} that failed to be solved were left out: {names}.", **values)
@@ -160,32 +160,32 @@ def _plate_cameras(scene: bpy.types.Scene, obj: bpy.types.Object, plate: plate_s
     if not frames:
         return [_camera(scene, obj, _plate_picture(obj, plate, scene.frame_current))]
     unkeyed = obj.matrix_basis.copy(), data.lens, data.shift_x, data.shift_y
-    found = []
+    outgoing = []
     try:
         for frame in frames:
-            scene.frame_set(frame)  # a parent or the splat may move
-            found.append(_camera(scene, obj, _plate_picture(obj, plate, frame)))
+            scene.frame_set(frame)  # A parent or the splat may be animated.
+            outgoing.append(_camera(scene, obj, _plate_picture(obj, plate, frame)))
     finally:
         scene.frame_set(at[0], subframe=at[1])
         obj.matrix_basis, data.lens, data.shift_x, data.shift_y = unkeyed
-    return found
+    return outgoing
 
 
 def _plate_picture(obj: bpy.types.Object, plate: plate_source.MovingPhoto, frame: int) -> _Picture:
     number, size = frame + plate.offset, photo_image.own_size(obj.data)
     if not all(size):
-        photo = plate.at(frame).read()
+        photo = plate.frame_at(frame).read()
         size = photo.width, photo.height
     return _Picture(plate.plate.file(number).name, size, number if plate.plate.is_movie else None)
 
 
 def _camera(scene: bpy.types.Scene, obj: bpy.types.Object, picture: _Picture) -> Outgoing:
     camera = camera_bridge.read_camera(scene, obj, scene.gssmc.splat).at_size(*picture.size)
-    verdict, note = camera_solution.verdict(scene, obj), obj.data.gssmc
-    said: dict[str, Any] = {"lens_state": note.lens_state.lower()}
+    verdict, props = camera_solution.verdict(scene, obj), obj.data.gssmc
+    said: dict[str, Any] = {"lens_state": props.lens_state.lower()}
     if verdict != "NONE":
         changed = [f"{camera_solution.title(scene, obj)}."] if verdict == camera_solution.CHANGED else []
-        said |= {"verdict": verdict.lower(), "reasons": changed + note.reasons.splitlines()}
+        said |= {"verdict": verdict.lower(), "reasons": changed + props.reasons.splitlines()}
     return Outgoing(obj.name, replace(camera, file=picture.file), verdict, said, picture.movie_frame)
 
 

@@ -15,12 +15,12 @@ from . import channels as camera_channels
 
 def is_stale(scene: bpy.types.Scene, data: bpy.types.Camera) -> bool:
     """Whether the lens was written for a frame of another shape than the render's. False for a camera set by hand."""
-    note, render = data.gssmc, scene.render
-    if not (note.frame_x and note.frame_y):
+    props, render = data.gssmc, scene.render
+    if not (props.frame_x and props.frame_y):
         return False
     pixel = render.pixel_aspect_x / render.pixel_aspect_y
-    other_pixel = note.frame_pixel and abs(note.frame_pixel - pixel) > camera_bridge.SAME_PIXEL * pixel
-    return bool(other_pixel) or (note.frame_x, note.frame_y) != (render.resolution_x, render.resolution_y)
+    other_pixel = props.frame_pixel and abs(props.frame_pixel - pixel) > camera_bridge.SAME_PIXEL * pixel
+    return bool(other_pixel) or (props.frame_x, props.frame_y) != (render.resolution_x, render.resolution_y)
 
 
 def fit(scene: bpy.types.Scene, data: bpy.types.Camera) -> None:
@@ -45,14 +45,14 @@ def fit_all(scene: bpy.types.Scene) -> None:
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """To be called whenever something may have changed; does nothing unless the scene's camera shows that it has."""
+    """Call this whenever the render's shape may have changed; it does nothing unless the scene's camera has the old one."""
     camera = scene.camera
     if camera is None or camera.type != "CAMERA":
         return
     if is_stale(scene, camera.data):
         fit_all(scene)
     if camera.data.is_editable:
-        camera_bridge.show_pixel(camera.data)  # two cameras may share one image
+        camera_bridge.show_pixel(camera.data)  # Two cameras may show the same image.
 
 
 def release(data: bpy.types.Camera) -> None:
@@ -74,7 +74,7 @@ def _after_update(scene: bpy.types.Scene, *_: object) -> None:
 
 @bpy.app.handlers.persistent
 def _before_render(scene: bpy.types.Scene, *_: object) -> None:
-    fit_all(scene)  # markers may change the camera while it renders
+    fit_all(scene)  # Timeline markers may switch the camera during a render.
 
 
 def register() -> None:

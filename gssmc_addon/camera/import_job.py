@@ -1,4 +1,4 @@
-"""Cameras in from files of other programs: read in a thread, with the headers of their photos, and made in slices.
+"""Imports cameras from files of other programs. They are read in a thread, with their photos' headers, and made in slices.
 
 Thousands of them must not hold up the window. Between two slices Blender's data may change (undo, another file), so what was
 made is kept by session id.
@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from ...core import cameras as datasets
-from ...core.cameras.files import Start
+from ...core.cameras.files import StartCamera
 from ...core.cameras.training_world import read_training_world
 from ...core.errors import CameraError, GssmcError
 from ...core.geometry import conventions
@@ -26,13 +26,14 @@ from ...core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, rea
 from ..jobs.machine import Job
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
-from ..refine import job as jobs
+from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 
-PHOTO_PLACES = (".", "images", "../images", "../../images")  # seen from the file: COLMAP's and nerfstudio's habits
+# Relative to the camera file, where COLMAP and nerfstudio usually put them.
+PHOTO_PLACES = (".", "images", "../images", "../../images")
 COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")
-SLICE_S = 0.05  # of each tick; a photo that has to be turned may exceed it
+SLICE_S = 0.05  # How much of each tick is used; a photo that has to be rotated may take longer.
 READING = 0.5  # share of the progress shown
 
 
@@ -45,10 +46,10 @@ class Incoming:
     turned: bool = False
 
 
-Found = list[Incoming | None]  # None for a camera that has no lens, nor a photo to take one from
+Found = list[Incoming | None]  # None where neither the camera nor its photo gives a lens.
 
 
-def gather(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
+def read_incoming(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
     """The cameras of a file or folder, read step by step (yields the share done). Needs no Blender. Raises GssmcError.
 
     `world`: nerfstudio's file that says how the splat's world lies to the cameras'.
@@ -71,14 +72,14 @@ def model_of(path: Path) -> Path:
     return path.parent if path.stem in COLMAP_OTHERS and path.suffix in (".txt", ".bin") else path
 
 
-def _incoming(start: Start, places: Sequence[Path]) -> Incoming | None:
+def _incoming(start: StartCamera, places: Sequence[Path]) -> Incoming | None:
     name = start.file.replace("\\", "/")
     tries = [place / n for place in places for n in (name, Path(name).name)] if name else []
     file = next((f for f in tries if f.is_file()), None)
     facts = _facts(file) if file else None
     if file is None or facts is None:
         return Incoming(start.camera(start.intrinsics), None) if start.intrinsics else None
-    # decoding hundreds would take minutes: a photo of which only size and focal length are known
+    # Only size and focal length are read here, because decoding hundreds of photos would take minutes.
     photo = Photo(np.zeros((1, 1, 3), np.uint8), str(file), facts.focal_35mm, full_size=(facts.width, facts.height))
     camera = start.camera(guess_lens(photo).intrinsics)
     camera = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
@@ -86,7 +87,7 @@ def _incoming(start: Start, places: Sequence[Path]) -> Incoming | None:
 
 
 def _facts(file: Path) -> PhotoFacts | None:
-    """None for a bad photo."""
+    """What the photo's header says; None when the photo cannot be read."""
     try:
         return photo_facts(file)
     except (GssmcError, OSError):
@@ -105,22 +106,22 @@ class CameraImport(Job):
     def __init__(
         self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool, world: Path | None = None
     ) -> None:
-        super().__init__(partial(gather, path, photos, world))
+        super().__init__(partial(read_incoming, path, photos, world))
         self.step = n_("Reading cameras and photos")
         self.made = self.shown = self.left_out = 0
         self._path, self._set_resolution = path, set_resolution
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
-        self._left: list[Incoming] | None = None  # to be made, the last one first
+        self._left: list[Incoming] | None = None  # The cameras that are still to be made, in reverse order.
         self._collection = 0
         self._first = 0
-        self._size: tuple[int, int] | None = None  # of the render, before it was set
+        self._size: tuple[int, int] | None = None  # The render resolution before the import changed it.
 
     def check(self) -> None:
-        scene = jobs.by_uid(bpy.data.scenes, self._scene)
-        if scene is None or jobs.by_uid(scene.objects, self._splat) is None:
+        scene = by_uid(bpy.data.scenes, self._scene)
+        if scene is None or by_uid(scene.objects, self._splat) is None:
             raise CameraError(rpt_("The splat or its scene was removed while cameras were imported; import them again."))
 
-    def note(self, news: float) -> None:
+    def on_progress(self, news: float) -> None:
         self.fraction = READING * news
 
     def advance(self) -> CameraImport | None:
@@ -142,15 +143,18 @@ class CameraImport(Job):
     def finish(self) -> None:
         """Brings what was made into the scene; the first camera becomes the scene's. Raises CameraError when it is gone."""
         self.check()
-        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), self._living_collection()
+        scene, collection = by_uid(bpy.data.scenes, self._scene), self._living_collection()
         scene.collection.children.link(collection)
-        scene.camera = jobs.by_uid(collection.objects, self._first)
-        self._collection, self._size = 0, None  # from here on they are the user's
+        scene.camera = by_uid(collection.objects, self._first)
+        self._collection, self._size = 0, None  # From here on a cancelled job no longer removes them.
 
     def cancel(self) -> None:
         """Also takes back what was made and set so far, unless `finish()` has brought it into the scene."""
         super().cancel()
-        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), jobs.by_uid(bpy.data.collections, self._collection)
+        scene, collection = (
+            by_uid(bpy.data.scenes, self._scene),
+            by_uid(bpy.data.collections, self._collection),
+        )
         if scene and self._size:
             scene.render.resolution_x, scene.render.resolution_y = self._size
         self._size = None
@@ -170,7 +174,7 @@ class CameraImport(Job):
             )
         self.left_out = len(found) - len(usable)
         self.step = iface_("Making cameras")
-        scene, lens = jobs.by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
+        scene, lens = by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
         self._size = scene.render.resolution_x, scene.render.resolution_y
         pixel = conventions.pixel_shape(lens)
         photo_camera.frame(scene, (lens.width, lens.height), self._set_resolution, pixel)
@@ -178,20 +182,20 @@ class CameraImport(Job):
         self._left = usable[::-1]
 
     def _make(self, item: Incoming) -> None:
-        scene, collection = jobs.by_uid(bpy.data.scenes, self._scene), self._living_collection()
+        scene, collection = by_uid(bpy.data.scenes, self._scene), self._living_collection()
         name = Path(item.camera.file).stem or self._path.stem
         obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
         collection.objects.link(obj)
         if item.file:
             obj.data.gssmc.photo = _image(item.file, item.turned)
             self.shown += 1
-        camera_bridge.write_new_camera(scene, obj, jobs.by_uid(scene.objects, self._splat), item.camera)
+        camera_bridge.write_new_camera(scene, obj, by_uid(scene.objects, self._splat), item.camera)
         obj.data.gssmc.lens_state = "GUESSED" if item.camera.focal_guessed else "CALIBRATED"
         self._first = self._first or obj.session_uid
         self.made += 1
 
     def _living_collection(self) -> bpy.types.Collection:
-        collection = jobs.by_uid(bpy.data.collections, self._collection)
+        collection = by_uid(bpy.data.collections, self._collection)
         if collection is None:
             raise CameraError(rpt_("The cameras were removed while they were imported; import them again."))
         return collection

@@ -29,7 +29,7 @@ def write(
         _clear(block, names, min(cameras), max(cameras))
     try:
         for frame, found in sorted(cameras.items()):
-            scene.frame_set(frame)  # a parent or the splat may move
+            scene.frame_set(frame)  # A parent or the splat may be animated.
             camera_bridge.write_camera(scene, camera, splat, found)
             before = continue_turn(camera, before)
             for block, names in paths.items():
@@ -53,7 +53,7 @@ def check(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Obj
             camera_bridge.write_pose(scene, camera, splat, pose)
     finally:
         scene.frame_set(current, subframe=part)
-        for name, value in kept.items():  # also what is not keyed, and what was moved since its key was set
+        for name, value in kept.items():  # This also restores what has no key, and what was moved after its key was set.
             setattr(camera, name, value)
         for layer in scene.view_layers:
             layer.update()

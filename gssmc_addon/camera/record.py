@@ -22,11 +22,11 @@ from ...core.geometry.lie import so3_exp, so3_log
 log = logging.getLogger(__name__)
 
 NAMES = ("verdict", "iterations", "seconds", "lens_state", "median_depth", "points", "frame")
-POSE_NUMBERS = 6  # of a frame of a path: rotation vector and translation; then fx, fy, cx, cy where the lens is another
+POSE_NUMBERS = 6  # Per frame: rotation vector and translation, then fx, fy, cx, cy where the lens differs.
 
 
 @dataclass(frozen=True)
-class Solution:
+class SolvedCamera:
     """The record. `camera` belongs to the photo at the size that was refined; `frame` of the scene where the photo moves.
 
     `median_depth` is in units of the splat's file, `points` the splat's count; `lens_state` as in camera_props. `path`: of a
@@ -44,7 +44,7 @@ class Solution:
     frame: int | None = None
     path: Mapping[int, Camera] = field(default_factory=dict)
 
-    def at(self, frame: int) -> Camera | None:
+    def camera_at(self, frame: int) -> Camera | None:
         """The camera at a frame of the scene; None where a path has no key."""
         return self.path.get(frame) if self.path else self.camera
 
@@ -53,7 +53,7 @@ class Solution:
         return any(camera.intrinsics != self.camera.intrinsics for camera in self.path.values())
 
 
-def read(data: bpy.types.Camera) -> Solution | None:
+def read(data: bpy.types.Camera) -> SolvedCamera | None:
     """The camera's record; None where there is none that can be read."""
     if not data.gssmc.solution:
         return None
@@ -64,17 +64,17 @@ def read(data: bpy.types.Camera) -> Solution | None:
         return None
 
 
-def dumps(found: Solution) -> str:
-    path = {str(frame): _numbers(camera, found.camera) for frame, camera in found.path.items()}
-    said = {name: getattr(found, name) for name in NAMES}
-    return json.dumps({**camera_to_dict(found.camera), **said, "reasons": list(found.reasons), "path": path})
+def dumps(solution: SolvedCamera) -> str:
+    path = {str(frame): _numbers(camera, solution.camera) for frame, camera in solution.path.items()}
+    said = {name: getattr(solution, name) for name in NAMES}
+    return json.dumps({**camera_to_dict(solution.camera), **said, "reasons": list(solution.reasons), "path": path})
 
 
-def loads(text: str) -> Solution:
+def loads(text: str) -> SolvedCamera:
     """Raises CameraError, or what Python raises for a value of another kind."""
     data = json.loads(text)
     camera = camera_from_dict(data, "The solution")
-    return Solution(
+    return SolvedCamera(
         camera,
         str(data["verdict"]),
         tuple(str(reason) for reason in data["reasons"]),

@@ -1,4 +1,4 @@
-"""Whether a camera still is what it was solved to be, which its record tells (see record), and the way back.
+"""Compares a camera with the record of its solution (see record), and restores the solution.
 
 That is worked out when somebody asks, from where the camera stands then: so nothing that moves it can go unnoticed, be it undo,
 a parent, a keyframe or a script, and splat and camera that are moved together stay solved.
@@ -16,20 +16,20 @@ from ...core.geometry.camera import Intrinsics, Pose, pose_error
 from ...core.pose.report import RefineReport
 from ..photo import image as photo_image
 from ..plate import source as plate_source
-from ..registration.camera_props import note_verdict
+from ..registration.camera_props import keep_verdict
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 from . import channels as camera_channels
 from . import keys as camera_keys
 from . import record as camera_record
-from .record import Solution
+from .record import SolvedCamera
 
 # Blender keeps float32. What is allowed is below a tenth of a pixel of a photo of some thousand pixels.
 SAME_PLACE = 1e-4  # of the median depth
 SAME_TURN_DEG = 0.01
-SAME_LENS = 2e-5  # of the focal length, and of the photo's long side for the principal point
+SAME_LENS = 2e-5  # Relative to the focal length, and for the principal point to the photo's long side.
 SAME_DISTORTION = 1e-5
-FLOAT32 = 4 * float(np.finfo(np.float32).eps)  # a world matrix is a product of some
+FLOAT32 = 4 * float(np.finfo(np.float32).eps)  # A world matrix is a product of several float32 matrices.
 
 CHANGED = "CHANGED"
 TITLES = {
@@ -41,10 +41,10 @@ TITLES = {
 }
 
 
-def of_report(report: RefineReport, lens_state: str) -> Solution:
+def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
     """The solution that a refinement found; its lens counts as solved where it was solved for."""
     solved = report.lens != "fixed" and report.camera is not report.start
-    return Solution(
+    return SolvedCamera(
         report.camera,
         report.verdict,
         report.reasons,
@@ -55,54 +55,54 @@ def of_report(report: RefineReport, lens_state: str) -> Solution:
     )
 
 
-def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, found: Solution) -> None:
+def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, solution: SolvedCamera) -> None:
     """Writes the record of a camera that was just set to it, and its verdict."""
-    note, image = camera.data.gssmc, photo_image.camera_photo(camera)
+    props, image = camera.data.gssmc, photo_image.camera_photo(camera)
     moves = image.source in plate_source.MOVING if image else plate_source.has_clip(camera)
-    found = replace(found, points=len(splat.data.points), frame=scene.frame_current if moves else None)
-    note_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
-    note.lens_state = found.lens_state
-    note.solution, note.solved_photo = camera_record.dumps(found), image
+    solution = replace(solution, points=len(splat.data.points), frame=scene.frame_current if moves else None)
+    keep_verdict(camera.data, solution.verdict, solution.reasons, solution.iterations, solution.seconds)
+    props.lens_state = solution.lens_state
+    props.solution, props.solved_photo = camera_record.dumps(solution), image
 
 
 def change(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
-    """What is no longer as it was solved, a key of TITLES; "" when all is, or the camera was never solved."""
-    found = camera_record.read(camera.data)
-    if found is None:
+    """What differs from the solution, as a key of TITLES; "" when nothing does, or the camera was never solved."""
+    solution = camera_record.read(camera.data)
+    if solution is None:
         return ""
-    return _change_of_photo(scene, camera, found) or _change_of_camera(scene, camera, found)
+    return _change_of_photo(scene, camera, solution) or _change_of_camera(scene, camera, solution)
 
 
-def _change_of_photo(scene: bpy.types.Scene, camera: bpy.types.Object, found: Solution) -> str:
+def _change_of_photo(scene: bpy.types.Scene, camera: bpy.types.Object, solution: SolvedCamera) -> str:
     image, size = photo_image.camera_photo(camera), photo_image.own_size(camera.data)
     gone = image is None and not plate_source.has_clip(camera)
-    if gone or image != camera.data.gssmc.solved_photo or not _has_shape(found.camera.intrinsics, size):
+    if gone or image != camera.data.gssmc.solved_photo or not _has_shape(solution.camera.intrinsics, size):
         return "PHOTO"
-    return "FRAME" if _other_frame(scene, found) else ""
+    return "FRAME" if _other_frame(scene, solution) else ""
 
 
-def _other_frame(scene: bpy.types.Scene, found: Solution) -> bool:
+def _other_frame(scene: bpy.types.Scene, solution: SolvedCamera) -> bool:
     """Whether the photo moves and the scene shows a frame of it for which nothing was solved."""
     now = scene.frame_current
-    if found.path:
-        return not min(found.path) <= now <= max(found.path)
-    return found.frame is not None and found.frame != now
+    if solution.path:
+        return not min(solution.path) <= now <= max(solution.path)
+    return solution.frame is not None and solution.frame != now
 
 
-def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, found: Solution) -> str:
-    splat, then = scene.gssmc.splat, found.at(scene.frame_current)
-    if splat is None or splat.type != "POINTCLOUD" or len(splat.data.points) != found.points:
+def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, solution: SolvedCamera) -> str:
+    splat, then = scene.gssmc.splat, solution.camera_at(scene.frame_current)
+    if splat is None or splat.type != "POINTCLOUD" or len(splat.data.points) != solution.points:
         return "SPLAT"
     if then is None:  # between two keyframes
         return ""
     lens = then.intrinsics
     try:
         now = camera_bridge.read_camera(scene, camera, splat).at_size(lens.width, lens.height)
-    except CameraError:  # it became orthographic, or sheared; or the splat did
+    except CameraError:  # The camera became orthographic, or camera or splat were sheared.
         return "MOVED"
     places = [camera_bridge.world_matrix(obj) for obj in (camera, splat)]
     reach = max(place.translation.length for place in places)
-    slack = SAME_PLACE * found.median_depth + FLOAT32 * reach / places[1].median_scale
+    slack = SAME_PLACE * solution.median_depth + FLOAT32 * reach / places[1].median_scale
     if not _is_same_pose(now.pose, then.pose, slack):
         return "MOVED"
     return "" if _is_same_lens(now.intrinsics, lens) else "LENS"
@@ -117,47 +117,47 @@ def verdict(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
 def title(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     """One line on what changed since the camera was solved; "" when nothing did."""
     what = change(scene, camera)
-    found = camera_record.read(camera.data) if what == "FRAME" else None
-    if found and found.path:
-        return iface_("Solved from frame {first} to {last}", first=min(found.path), last=max(found.path))
-    if found:
-        return iface_("Solved at frame {frame}", frame=found.frame)
+    solution = camera_record.read(camera.data) if what == "FRAME" else None
+    if solution and solution.path:
+        return iface_("Solved from frame {first} to {last}", first=min(solution.path), last=max(solution.path))
+    if solution:
+        return iface_("Solved at frame {frame}", frame=solution.frame)
     return iface_(TITLES[what]) if what else ""
 
 
 def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
-    """Makes the camera what it was solved to be: photo, pose, lens and verdict. A sentence on keyframes that were set; "".
+    """Restores photo, pose, lens and verdict of the solution. Returns a sentence on keyframes that were set, or "".
 
     Raises CameraError, with nothing changed, when there is no record, or camera or splat cannot carry it.
     """
-    found, splat = camera_record.read(camera.data), scene.gssmc.splat
-    if found is None:
+    solution, splat = camera_record.read(camera.data), scene.gssmc.splat
+    if solution is None:
         raise CameraError(rpt_('The camera "{name}" was never solved; use Refine Camera.', name=camera.name))
     if splat is None or splat.type != "POINTCLOUD":
         raise CameraError(rpt_("The solution stands in the splat; import or pick the splat first."))
     camera_channels.check_writable(camera)
-    keyed = _write(scene, camera, splat, found)
-    note = camera.data.gssmc
-    if note.solved_photo and photo_image.camera_photo(camera) != note.solved_photo:
-        note.photo = note.solved_photo  # its update shows it
-        camera_bridge.write_intrinsics(scene, camera.data, found.camera.intrinsics)
-    note_verdict(camera.data, found.verdict, found.reasons, found.iterations, found.seconds)
-    note.lens_state = found.lens_state
+    keyed = _write(scene, camera, splat, solution)
+    props = camera.data.gssmc
+    if props.solved_photo and photo_image.camera_photo(camera) != props.solved_photo:
+        props.photo = props.solved_photo  # its update shows it
+        camera_bridge.write_intrinsics(scene, camera.data, solution.camera.intrinsics)
+    keep_verdict(camera.data, solution.verdict, solution.reasons, solution.iterations, solution.seconds)
+    props.lens_state = solution.lens_state
     return keyed
 
 
-def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, found: Solution) -> str:
-    if found.path:
-        camera_keys.write(scene, camera, splat, dict(found.path), found.keys_lens)
+def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, solution: SolvedCamera) -> str:
+    if solution.path:
+        camera_keys.write(scene, camera, splat, dict(solution.path), solution.keys_lens)
         return rpt_("Its keyframes are those that were solved.")
-    if found.frame is not None and found.frame != scene.frame_current:
-        scene.frame_set(found.frame)  # of a moving photo another frame has another camera
-    camera_bridge.write_camera(scene, camera, splat, found.camera)
+    if solution.frame is not None and solution.frame != scene.frame_current:
+        scene.frame_set(solution.frame)  # Each frame of a moving photo has a camera of its own.
+    camera_bridge.write_camera(scene, camera, splat, solution.camera)
     return camera_channels.write_keyframes(scene, camera)
 
 
 def _has_shape(lens: Intrinsics, size: tuple[int, int]) -> bool:
-    """Up to the pixel that making a copy smaller may round away; True where the photo's size is not known."""
+    """Allows for the pixel that is lost when a copy is made smaller; True where the photo's size is not known."""
     return not all(size) or abs(lens.width * size[1] - lens.height * size[0]) <= max(lens.width, lens.height, *size)
 
 

@@ -77,7 +77,7 @@ def _move(scene: bpy.types.Scene, camera: bpy.types.Object, motion: Matrix) -> N
         return
     current, subframe = scene.frame_current, scene.frame_subframe
     poses = []
-    for frame in frames:  # all read before any is written: a key changes what stands between it and the next
+    for frame in frames:  # All poses are read before any is written, because a new key changes the frames up to the next one.
         scene.frame_set(int(frame // 1), subframe=frame % 1)
         poses.append(motion @ camera.matrix_world)
     rotation, last = camera_channels.rotation_path(camera), None

@@ -19,7 +19,7 @@ from ...core.pose.report_json import report_to_dict
 from ...core.splats import read_splats
 from ..camera import bridge as camera_bridge
 from ..camera import solution as camera_solution
-from ..camera.record import Solution
+from ..camera.record import SolvedCamera
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..registration import camera_props
@@ -31,6 +31,8 @@ def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orient
 
     `results`: the file of a batch, which holds the verdicts. Raises GssmcError when the scene cannot be saved.
     """
+    if outcome.scene is None:
+        raise GssmcError("This command reads no splat, so there is no scene to save; leave --blend out.")
     for obj in list(bpy.data.objects):
         bpy.data.objects.remove(obj)
     splat_import.add_splat(bpy.context, outcome.scene.stem, read_splats(outcome.scene), orientation)
@@ -49,7 +51,7 @@ def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orient
 
 
 def _make_photos_relative(folder: Path) -> None:
-    """So that .blend and photos can be moved together; a photo on another drive keeps its full path."""
+    """Makes paths relative, so that .blend and photos can be moved together; a photo on another drive keeps its full path."""
     for image in bpy.data.images:
         if image.source == "FILE" and image.filepath and not image.packed_file and Path(image.filepath).drive == folder.drive:
             image.filepath = bpy.path.relpath(image.filepath, start=str(folder))
@@ -71,33 +73,34 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
     name = Path(camera.file).stem or "Camera"
     obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     scene.collection.objects.link(obj)
-    first = scene.camera is None  # its photo's shape is the render's; the others are fitted into it
+    first = scene.camera is None  # The first photo gives the render its shape; the others are fitted into it.
     try:
         photo = read_photo(photo_file) if photo_file else None
-    except GssmcError:  # it failed alone in the batch, and its verdict says so
+    except GssmcError:  # Only this photo failed in the batch, and its verdict says so.
         photo = None
     if photo and photo_file:
         image = photo_image.load_image(str(photo_file.resolve()), photo)
-        photo_camera.fit_camera(bpy.context, obj, photo, image, camera, set_resolution=first)
+        loaded = photo_camera.LoadedPhoto(photo, image, camera)
+        photo_camera.fit_camera(bpy.context, obj, loaded, set_resolution=first)
     else:
         scene.camera = obj
         lens = camera.intrinsics
         photo_camera.frame(scene, (lens.width, lens.height), allowed=first, pixel=conventions.pixel_shape(lens))
         camera_bridge.write_camera(scene, obj, scene.gssmc.splat, camera)
     if verdict:
-        _note(obj, camera, verdict)
+        _keep_verdict(obj, camera, verdict)
     return obj
 
 
-def _note(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -> None:
+def _keep_verdict(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -> None:
     """Keeps on the camera what the refinement said, as `report_to_dict` gives it."""
     scene, rounds = bpy.context.scene, len(said["iterations"])
     if said["verdict"] == "failed":
-        camera_props.note_verdict(obj.data, "failed", said["reasons"], rounds, said["seconds"])
+        camera_props.keep_verdict(obj.data, "failed", said["reasons"], rounds, said["seconds"])
         return
     solved = said.get("lens", "fixed") != "fixed" and not camera.focal_guessed
     state = "SOLVED" if solved else obj.data.gssmc.lens_state
     depth = (said.get("quality") or {}).get("median_depth") or 0.0
     reasons = tuple(said["reasons"])
-    found = Solution(camera, said["verdict"], reasons, rounds, said["seconds"], state, depth)
-    camera_solution.keep(scene, obj, scene.gssmc.splat, found)
+    solution = SolvedCamera(camera, said["verdict"], reasons, rounds, said["seconds"], state, depth)
+    camera_solution.keep(scene, obj, scene.gssmc.splat, solution)

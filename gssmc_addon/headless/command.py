@@ -37,7 +37,7 @@ def _save_blend(args: argparse.Namespace, outcome: Outcome) -> None:
 
 
 def _blend_path(text: str) -> Path:
-    """Asked for before the work, so that hours of it do not end in a folder that is not there."""
+    """Checks the folder before the work begins, so that a long run does not end without a place for its result."""
     path = Path(text)
     if not path.resolve().parent.is_dir():
         raise argparse.ArgumentTypeError(f"the folder '{path.parent}' does not exist; create it or give another path.")

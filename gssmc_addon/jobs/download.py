@@ -12,7 +12,10 @@ from .machine import Job
 
 
 class DownloadJob(Job):
-    """Fetches `model` from `url` into `folder`. Its result is the file's path. What came before a stop is kept for the next."""
+    """Fetches `model` from `url` into `folder`. Its result is the file's path.
+
+    A download that was stopped is continued by the next one.
+    """
 
     at_mouse = True
 
@@ -22,7 +25,7 @@ class DownloadJob(Job):
         self._title = model.title
         self._say(0.0)
 
-    def note(self, news: DownloadProgress) -> None:
+    def on_progress(self, news: DownloadProgress) -> None:
         self.fraction = news.fraction
         self._say(news.fraction)
 

@@ -12,13 +12,13 @@ import bpy
 from ...core.errors import GssmcError, RefineError
 from ..splat.copy import SplatCopying
 from ..support.texts import iface_, n_, sentence
-from .worker import Failure, Finished, Steps, Worker
+from .worker import Failure, Finished, Steps, WorkThread
 
 log = logging.getLogger(__name__)
 CATEGORY = "GS-SMC"  # the sidebar's tab
 TICK_S = 0.1
-COPY_S = 0.03  # of a tick, for copying a splat; one attribute may exceed it
-SHOW_S = 0.4  # between redraws of the progress, each of which takes 0.1 s without a graphics card
+COPY_S = 0.03  # Seconds of a tick that go into copying a splat; a single attribute may take longer.
+SHOW_S = 0.4  # Seconds between redraws of the progress: a redraw takes 0.1 s without a graphics card.
 
 
 def redraw() -> None:
@@ -50,7 +50,7 @@ class Job:
     def __init__(self, work: Callable[[], Steps] | None = None, copying: SplatCopying | None = None) -> None:
         self.cancelled = False
         self.fraction, self.step, self.detail = 0.0, "Starting", ""
-        self._worker = Worker(work) if work else None
+        self._thread = WorkThread(work) if work else None
         self._copying = copying
         self._unseen, self._shown_at = False, 0.0
 
@@ -63,11 +63,11 @@ class Job:
 
     def begin(self) -> None:
         """Starts the work itself."""
-        if self._worker:
-            self._worker.start()
+        if self._thread:
+            self._thread.start()
 
     def run(self) -> Any:
-        """Start to end, for callers that may block. Raises GssmcError as `tick` does."""
+        """Runs the job from start to end and blocks meanwhile. Raises GssmcError as `tick` does."""
         try:
             if self._copying:
                 self._copying.finish()
@@ -85,25 +85,25 @@ class Job:
             self.close()
 
     def close(self) -> None:
-        """The job has ended, one way or another: lets go of what is more than memory."""
+        """Called when the job has ended in any way: releases processes and files."""
 
     def cancel(self) -> None:
         """Stops the job without waiting, and takes back what it made; its thread ends by itself at its next step."""
         self.cancelled = True
         if self._copying:
             self._copying.stop()
-        if self._worker:
-            self._worker.stop()
+        if self._thread:
+            self._thread.stop()
 
     def join(self, timeout_s: float) -> bool:
         """Waits for the thread that runs now; True when it has ended."""
-        return self._worker.join(timeout_s) if self._worker else True
+        return self._thread.join(timeout_s) if self._thread else True
 
     def check(self) -> None:
-        """Raises GssmcError when the job cannot go on, for what it works on is gone."""
+        """Raises GssmcError when the job cannot go on because what it works on was removed."""
 
-    def note(self, news: Any) -> None:
-        """Takes in what a step yielded, for the progress bar."""
+    def on_progress(self, news: Any) -> None:
+        """Takes the progress that a step yielded, for the progress bar."""
 
     def tick(self) -> Any:
         """The result once there is one. Raises GssmcError when the job cannot go on; it is cancelled then, or at any other
@@ -119,18 +119,18 @@ class Job:
             raise
 
     def advance(self) -> Any:
-        """Takes in what the thread has to tell; the result once there is one."""
-        for news in self._worker.news() if self._worker else ():
+        """Takes the thread's messages; returns the result once there is one."""
+        for news in self._thread.news() if self._thread else ():
             if isinstance(news, Failure):
                 raise RefineError(news.message)
             if isinstance(news, Finished):
                 return news.result
-            self.note(news)
+            self.on_progress(news)
             self.show()
         return None
 
     def show(self) -> None:
-        """Has the progress drawn, in this tick or one soon after."""
+        """Requests that the progress is drawn, in this tick or soon after."""
         self._unseen = True
 
     def _show(self) -> None:
@@ -140,7 +140,7 @@ class Job:
             redraw()
 
     def _copied(self) -> bool:
-        """Goes on with the splat's copy; True when there is nothing left to copy. Starts the work then."""
+        """Continues the splat's copy and starts the work when it is complete; True when there is nothing left to copy."""
         if self._copying is None:
             return True
         done = self._copying.advance(time.perf_counter() + COPY_S)
@@ -182,9 +182,9 @@ class QueueJob(Job):
         self._next()
 
     def advance(self) -> Any:
-        if self._worker is None:  # the item could not even begin
+        if self._thread is None:  # The item failed before its thread was started.
             self._next()
-        for news in self._worker.news() if self._worker else ():
+        for news in self._thread.news() if self._thread else ():
             if isinstance(news, Failure):
                 self.fail_item(self.index, news.message)
                 self._next()
@@ -192,7 +192,7 @@ class QueueJob(Job):
                 self._take(news.result)
                 self._next()
             else:
-                self.note(news)
+                self.on_progress(news)
             self.show()
         return self.result() if self.index >= self.count else None
 
@@ -200,19 +200,19 @@ class QueueJob(Job):
         self._attempt(lambda: self.end_item(self.index, result))
 
     def _next(self) -> None:
-        """Begins the next item; one attempt, so that a long row of bad items does not hold up the window."""
-        self._worker = None
+        """Begins the next item, one per call, so that many bad items in a row do not block the window."""
+        self._thread = None
         self.index += 1
         if self.index >= self.count or self.cancelled:
             return
         self.fraction = self.index / self.count
         work = self._attempt(lambda: self.begin_item(self.index))
         if work is not None:
-            self._worker = Worker(work)
-            self._worker.start()
+            self._thread = WorkThread(work)
+            self._thread.start()
 
     def _attempt(self, step: Callable[[], Any]) -> Any:
-        """What `step` gives; None where it raised, which is a failure of this item then."""
+        """The result of `step`; None when it raised, which counts as a failure of this item."""
         try:
             return step()
         except GssmcError as error:

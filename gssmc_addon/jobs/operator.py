@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -16,9 +16,14 @@ from .machine import Job, panel_is_open
 
 log = logging.getLogger(__name__)
 
+if TYPE_CHECKING:
+    OperatorMixin = bpy.types.Operator
+else:
+    OperatorMixin = object  # Blender wants its own class once only, in the operator itself
 
-class Idle:
-    """A mixin for operators that stand back while a job runs."""
+
+class Idle(OperatorMixin):
+    """A mixin for operators that cannot be called while a job runs."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -36,52 +41,52 @@ class Idle:
         return super().execute(context)
 
     def busy(self, error: slot.BusyError) -> set[str]:
-        """The operator's result where another job runs. Not in the panel's line: that is the job's, which may end otherwise."""
+        """The operator's result while another job runs. The panel's line is not touched, because it belongs to that job."""
         self.report({"ERROR"}, str(error))
         return {"CANCELLED"}
 
 
-class Reporter:
-    """A mixin: what an operator has to say, in Blender's report and in the panel's line."""
+class Reporter(OperatorMixin):
+    """A mixin that shows an operator's message in Blender's report and in the panel."""
 
     def done(self, context: bpy.types.Context, message: str, level: str = "INFO", line: str = "") -> set[str]:
-        """The result of success. The panel's line becomes `line`: what stood there, be it the error resolved, is past."""
+        """The result of success. The panel's line becomes `line`, which also removes an earlier error."""
         self.tell(context, line)
         self.report({level}, message)
         return {"FINISHED"}
 
     def tell(self, context: bpy.types.Context, message: str, icon: str = "INFO") -> None:
-        """The line in the panel."""
+        """Sets the line in the panel."""
         context.window_manager.gssmc.tell(message, icon)
 
 
 class JobOperator(Idle, Reporter):
-    """A mixin. The operator says what to do in `gather` and what to make of the result in `apply`.
+    """A mixin. The operator says which job it runs in `make_job` and what becomes of the result in `apply`.
 
-    It owns the job that it gathered: it follows, stops and ends no other, whichever runs.
+    It owns the job that it made: it follows, stops and ends no other, whichever runs.
     """
 
-    _job: Job | None = None  # from its beginning to its end
-    _beside = False  # whether Blender goes on meanwhile
+    _job: Job | None = None  # Set while the job runs.
+    _beside = False  # Whether the job runs beside Blender instead of blocking it.
 
-    def gather(self, context: bpy.types.Context) -> Job:
+    def make_job(self, context: bpy.types.Context) -> Job:
         """The job, with all its inputs copied out of Blender. Raises GssmcError."""
         raise NotImplementedError
 
-    def apply(self, context: bpy.types.Context, job: Job, result: Any) -> set[str]:
+    def apply(self, context: bpy.types.Context, job: Any, result: Any) -> set[str]:
         """Writes the result, reports, and gives the operator's own result. Raises GssmcError, with nothing written."""
         raise NotImplementedError
 
-    def stopped(self, context: bpy.types.Context, job: Job) -> set[str]:
+    def stopped(self, context: bpy.types.Context, job: Any) -> set[str]:
         """The operator's result when the user stopped the job."""
         return self.refuse(context, rpt_("The work was cancelled; nothing was changed."), level="INFO")
 
-    def broke_off(self, context: bpy.types.Context, job: Job, message: str) -> set[str]:
+    def broke_off(self, context: bpy.types.Context, job: Any, message: str) -> set[str]:
         """The operator's result when the job could not go on."""
         return self.refuse(context, message)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Blocking; the way of scripts and background mode."""
+        """Runs the job and blocks, as scripts and background mode need it."""
         return self._ending(context, partial(self._run, context))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -94,10 +99,11 @@ class JobOperator(Idle, Reporter):
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         job = self._job
-        if job is None or job is not slot.active():  # ended from outside: another file was opened
+        if job is None or job is not slot.active():  # The job was ended from outside, because another file was opened.
             self._job = None
             return {"CANCELLED"}
-        if (event.type, event.value) == ("ESC", "PRESS") or job.cancelled:  # the release may be that of a closed dialog's Esc
+        # Only the press counts: the release may belong to the Esc that closed a dialog.
+        if (event.type, event.value) == ("ESC", "PRESS") or job.cancelled:
             return self._ending(context, partial(self._stop, context, job))
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
@@ -110,7 +116,7 @@ class JobOperator(Idle, Reporter):
             slot.stop(job)
 
     def refuse(self, context: bpy.types.Context, message: str, level: str = "ERROR") -> set[str]:
-        """Says why nothing comes of it, once: in the panel where the user sees that, else in Blender's report."""
+        """Reports a refusal once: in the panel if it is visible, otherwise in Blender's report."""
         self.tell(context, message, level)
         if not (self._beside and panel_is_open(context)):
             self.report({level}, message)
@@ -118,12 +124,12 @@ class JobOperator(Idle, Reporter):
 
     def _run(self, context: bpy.types.Context) -> set[str]:
         slot.check_free()
-        job = self._job = self.gather(context)
+        job = self._job = self.make_job(context)
         return self.apply(context, job, job.run())
 
     def _start(self, context: bpy.types.Context) -> set[str]:
         slot.check_free()
-        job = self._job = self.gather(context)
+        job = self._job = self.make_job(context)
         self.tell(context, "")
         slot.begin(context, job)
         window = slot.home(context)
@@ -162,7 +168,7 @@ class JobOperator(Idle, Reporter):
             self._broken(context, sentence(error))
             result = {"FINISHED"}
         if result.isdisjoint({"RUNNING_MODAL", "PASS_THROUGH"}):
-            self._job = None  # the operator outlives its work in Blender's history
+            self._job = None  # Blender keeps the operator in its history, so the job must be let go.
         return result
 
     def _broken(self, context: bpy.types.Context, message: str) -> set[str]:
@@ -179,5 +185,5 @@ class AskingJobOperator(JobOperator):
     asked = False
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """After the dialog beside Blender; from scripts it waits."""
+        """Runs beside Blender after the dialog, and blocks when a script calls it."""
         return self.begin(context) if self.asked else super().execute(context)

@@ -1,4 +1,4 @@
-"""A queue that comes back to its failures: after the first pass each gets a few more tries, from other starts."""
+"""A queue with a second pass, in which each item that failed gets a few more tries from other starts."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ class RetryQueue(QueueJob):
     def __init__(self, items: int, copying: SplatCopying | None = None) -> None:
         super().__init__(items, copying)
         self.items = items
-        self._order: list[tuple[int, Any]] = [(item, None) for item in range(items)]  # the start None: the item's own
+        # A start of None means the item's own start.
+        self._order: list[tuple[int, Any]] = [(item, None) for item in range(items)]
         self._unsolved: list[int] = []
-        self._again, self._again_count = 0, 0  # which item of the second pass this is, of how many
+        self._again, self._again_count = 0, 0  # The number of the item in the second pass, and their count.
 
     def begin_try(self, item: int, start: Any) -> Callable[[], Steps]:
         """Copies the item out of Blender; `start` is None in the first pass. GssmcError makes it a failure."""
@@ -35,7 +36,7 @@ class RetryQueue(QueueJob):
         raise NotImplementedError
 
     def other_starts(self, item: int) -> Sequence[Any]:
-        """From where an unsolved item is tried again; asked when its turn comes, so that what was solved by then counts."""
+        """The starts for an unsolved item. It is called when its turn comes, so that items solved by then are included."""
         raise NotImplementedError
 
     def gave_up(self, item: int) -> None:

@@ -18,7 +18,7 @@ class BusyError(GssmcError):
     """A job runs already."""
 
 
-class _Slot:
+class _JobHolder:
     """The job, the timer that drives it, and what stands in the status bar."""
 
     def __init__(self) -> None:
@@ -27,17 +27,17 @@ class _Slot:
         self.status = ""
 
 
-_slot = _Slot()  # a modal operator and a panel have no other common place that is not saved into the .blend
+_holder = _JobHolder()  # a modal operator and a panel have no other common place that is not saved into the .blend
 
 
 def active() -> Job | None:
     """The running job, for the panel and Cancel."""
-    return _slot.job
+    return _holder.job
 
 
 def check_free() -> None:
     """Raises BusyError while a job runs. Poll says so too, but Blender does not ask it again after a file browser."""
-    if _slot.job is not None:
+    if _holder.job is not None:
         raise BusyError(rpt_("Another job of GS-SMC is running; wait for it or cancel it, then try again."))
 
 
@@ -53,10 +53,10 @@ def home(context: bpy.types.Context) -> bpy.types.Window | None:
 def begin(context: bpy.types.Context, job: Job) -> None:
     """Makes `job` the running one and starts its thread and its timer. Raises BusyError while another one runs."""
     check_free()
-    _slot.job = job
+    _holder.job = job
     manager = context.window_manager
     try:
-        _slot.timer = manager.event_timer_add(job.tick_s, window=home(context))
+        _holder.timer = manager.event_timer_add(job.tick_s, window=home(context))
         if job.at_mouse:
             manager.progress_begin(0, 100)
         _set_status(iface_(job.status))
@@ -67,21 +67,21 @@ def begin(context: bpy.types.Context, job: Job) -> None:
 
 
 def show(job: Job) -> None:
-    """Has the progress seen where the panel may be closed: at the mouse, and in the status bar, whose redraw takes longer."""
-    if job is not _slot.job:
+    """Shows the progress also where the panel is closed: at the mouse, and in the status bar, which redraws slowly."""
+    if job is not _holder.job:
         return
     if job.at_mouse:
         bpy.context.window_manager.progress_update(100 * job.fraction)
     status = iface_(job.status)
-    if status != _slot.status:
+    if status != _holder.status:
         _set_status(status)
 
 
 def stop(job: Job) -> None:
-    """Cancels `job`, which takes back what it made and is not done with, and ends it."""
+    """Cancels `job`, which removes its unfinished results, and ends it."""
     try:
         job.cancel()
-    except Exception:  # it is at its end, and nothing may keep the slot
+    except Exception:  # Whatever goes wrong at the end of a job, the slot must become free.
         log.exception("The job could not take back what it made")
     end(job)
 
@@ -90,14 +90,14 @@ def end(job: Job) -> None:
     """Closes and forgets `job` and stops its timer; harmless when that was done already."""
     try:
         job.close()
-    except Exception:  # what it found is worth having all the same
+    except Exception:  # The result is valid all the same.
         log.exception("The job could not be closed")
-    if _slot.job is job:
+    if _holder.job is job:
         _release(job)
 
 
 def _release(job: Job) -> None:
-    timer, _slot.job, _slot.timer = _slot.timer, None, None
+    timer, _holder.job, _holder.timer = _holder.timer, None, None
     manager = bpy.context.window_manager
     if timer is not None:
         manager.event_timer_remove(timer)
@@ -108,16 +108,16 @@ def _release(job: Job) -> None:
 
 
 def _set_status(text: str | None) -> None:
-    """In every workspace: the user may change over to another one meanwhile."""
-    _slot.status = text or ""
+    """Sets the text in every workspace, because the user may switch to another one."""
+    _holder.status = text or ""
     for workspace in bpy.data.workspaces:
         workspace.status_text_set(text)
 
 
 @bpy.app.handlers.persistent
 def _before_load(*_: object) -> None:
-    if _slot.job:
-        stop(_slot.job)
+    if _holder.job:
+        stop(_holder.job)
 
 
 def register() -> None:
@@ -126,7 +126,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Cancels a running job first, so that nothing of it outlives the extension."""
-    job = _slot.job
+    job = _holder.job
     if job:
         stop(job)
         job.join(SHUTDOWN_JOIN_S)

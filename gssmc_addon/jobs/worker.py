@@ -15,13 +15,13 @@ from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
 from ...core.render.sharing import quick_handover
 from ..camera.bridge import CameraCopy
-from ..photo.image import PhotoSource
+from ..photo.source import PhotoSource
 from ..splat.renderer import SplatRenderer
 from ..support.texts import sentence
 
 log = logging.getLogger(__name__)
 
-Steps = Generator[Any, None, Any]  # yields what is worth showing, returns what came of it
+Steps = Generator[Any, None, Any]  # Yields progress, returns the result.
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def refinement(inputs: RefineInputs) -> Generator[RefineProgress, None, RefineRe
     return (yield from iterate_refinement(inputs.splat.get(), photo, camera, inputs.settings))
 
 
-class Worker:
+class WorkThread:
     """Runs the steps that `work` makes in a daemon thread; `news()` is polled from the main thread."""
 
     def __init__(self, work: Callable[[], Steps]) -> None:
@@ -94,7 +94,7 @@ class Worker:
 
     def _run(self, work: Callable[[], Steps]) -> None:
         try:
-            with quick_handover():  # each panel that Blender draws waits for the interpreter, 5 ms otherwise
+            with quick_handover():  # Without this, each panel that Blender draws would wait 5 ms for the interpreter.
                 self._go(work())
         except (GssmcError, MemoryError) as error:
             self._queue.put(Failure(error))

@@ -20,12 +20,12 @@ from ..registration import camera_props
 from ..support.texts import rpt_
 from . import image as photo_image
 
-DEFAULT_LENS_MM = 35.0  # on Blender's sensor of 36 mm, as DEFAULT_FOV_DEG of core.photos.lens_guess
+DEFAULT_LENS_MM = 35.0  # The same angle as DEFAULT_FOV_DEG of core.photos.lens_guess, on Blender's sensor of 36 mm.
 PHOTO_SENSOR_MM = 36.0  # the long side of "35 mm" film: Blender then shows the focal length photographers know
 
 
 @dataclass(frozen=True)
-class View:
+class ViewportView:
     """A 3D viewport: its `region` (RegionView3D), lens (mm, as the viewport takes it) and size in pixels."""
 
     region: bpy.types.RegionView3D
@@ -34,7 +34,7 @@ class View:
 
     @property
     def is_free(self) -> bool:
-        """Whether it looks through no camera."""
+        """Whether the view does not look through a camera."""
         return self.region.view_perspective != "CAMERA"
 
 
@@ -63,6 +63,17 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
     return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
 
 
+CAMERA_ITEMS = (
+    (
+        "AUTO",
+        "Automatic",
+        "The scene camera while it has no photo and you look through it, else a new camera at the current view",
+    ),
+    ("NEW", "New Camera", "A new camera at the current view"),
+    ("SCENE", "Scene Camera", "The scene camera, where it stands"),
+)
+
+
 def choose_camera(context: bpy.types.Context, mode: str, photo_name: str, photo: Photo) -> bpy.types.Object:
     """The camera object a photo goes to, by `mode`: AUTO, NEW or SCENE. Raises CameraError when there is none to take."""
     current = context.scene.camera
@@ -76,7 +87,7 @@ def choose_camera(context: bpy.types.Context, mode: str, photo_name: str, photo:
     return new_camera(context, Path(photo_name).stem, view, (photo.width, photo.height))
 
 
-def new_camera(context: bpy.types.Context, name: str, view: View | None, size: tuple[int, int]) -> bpy.types.Object:
+def new_camera(context: bpy.types.Context, name: str, view: ViewportView | None, size: tuple[int, int]) -> bpy.types.Object:
     """A new camera whose picture of `size` shows what the view shows; without a view, one where the scene camera stands."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     current = context.scene.camera
@@ -93,28 +104,30 @@ def new_camera(context: bpy.types.Context, name: str, view: View | None, size: t
     return camera
 
 
-def _take_lens(scene: bpy.types.Scene, data: bpy.types.Camera, view: View, size: tuple[int, int]) -> None:
+def _take_lens(scene: bpy.types.Scene, data: bpy.types.Camera, view: ViewportView, size: tuple[int, int]) -> None:
     """Gives the camera the lens with which a picture of `size` shows what the view shows."""
     (width, height), ax, ay = size, scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
     focal = conventions.focal_px_from_view(view.lens, view.size, (width * ax, height * ay))
     camera_bridge.write_intrinsics(scene, data, Intrinsics(width, height, focal / ax, focal / ay, width / 2, height / 2))
 
 
-def fit_camera(
-    context: bpy.types.Context,
-    camera: bpy.types.Object,
-    photo: Photo,
-    image: bpy.types.Image,
-    given: Camera | None,
-    set_resolution: bool,
-) -> list[str]:
+@dataclass(frozen=True)
+class LoadedPhoto:
+    """A photo, its image in Blender, and the camera that a file gives for it, None where none does."""
+
+    photo: Photo
+    image: bpy.types.Image
+    given: Camera | None
+
+
+def fit_camera(context: bpy.types.Context, camera: bpy.types.Object, loaded: LoadedPhoto, set_resolution: bool) -> list[str]:
     """Gives the camera its photo, lens and, from a camera file, its pose. Sentences on what was found and set."""
-    scene, data = context.scene, camera.data
+    scene, data, photo, given = context.scene, camera.data, loaded.photo, loaded.given
     if given:
         camera_channels.check_writable(camera)
     scene.camera = camera
     notes = list(photo.notes)
-    data.gssmc.photo = image  # its update shows it behind the camera
+    data.gssmc.photo = loaded.image  # The update function of the property shows it behind the camera.
     pixel = conventions.pixel_shape(given.intrinsics) if given else None
     notes += frame(scene, (photo.width, photo.height), set_resolution, pixel)
     if given:
@@ -126,7 +139,7 @@ def fit_camera(
     else:
         data.gssmc.lens_state = "GUESSED"
         notes.append(_lens_from_exif(scene, data, photo))
-    camera_props.note_verdict(data, "none", (), 0, 0.0)
+    camera_props.keep_verdict(data, "none", (), 0, 0.0)
     return notes
 
 
@@ -134,7 +147,7 @@ def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo
     if not photo.focal_35mm:
         camera_bridge.move_to_render(scene, data, photo.width, photo.height)
         return rpt_(
-            "The photo tells no focal length: Refine starts from the camera's ({lens:.3g} mm) and solves for it.",
+            "The photo does not say its focal length: Refine starts from the camera's ({lens:.3g} mm) and solves for it.",
             lens=data.lens,
         )
     data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", PHOTO_SENSOR_MM
@@ -144,7 +157,7 @@ def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo
 
 
 def frame(scene: bpy.types.Scene, size: tuple[int, int], allowed: bool, pixel: float | None = None) -> list[str]:
-    """Gives the render the photo's resolution where its shape differs, if `allowed`. Sentences on what was done.
+    """Gives the render the photo's resolution where its shape differs, if `allowed`. Returns sentences on what was done.
 
     `pixel`: width over height of the photo's pixels, which the render's take too; None: those of the render as they are. The
     other cameras of the scene follow, so that each keeps its fit.
@@ -176,24 +189,24 @@ def look_through(context: bpy.types.Context, camera: bpy.types.Object) -> None:
 
 
 def stop_moving_with_view() -> None:
-    """Switches off Lock Camera to View, with which the next turn of the view would take a solved camera along."""
+    """Switches off Lock Camera to View, because turning the view would otherwise move a solved camera."""
     areas = (area for screen in bpy.data.screens for area in screen.areas)
     for space in (space for area in areas for space in area.spaces if space.type == "VIEW_3D"):
         space.lock_camera = False
 
 
-def find_view(context: bpy.types.Context) -> View | None:
+def find_view(context: bpy.types.Context) -> ViewportView | None:
     """The viewport that the mouse is in, else the first one of any window."""
     areas = (area for window in context.window_manager.windows for area in window.screen.areas)
     first = next((area for area in areas if area.type == "VIEW_3D"), None)
     return _view_here(context) or (_view_of(first) if first else None)
 
 
-def _view_here(context: bpy.types.Context) -> View | None:
+def _view_here(context: bpy.types.Context) -> ViewportView | None:
     area = context.area
     return _view_of(area) if area and area.type == "VIEW_3D" else None
 
 
-def _view_of(area: bpy.types.Area) -> View:
+def _view_of(area: bpy.types.Area) -> ViewportView:
     space, region = area.spaces.active, next(r for r in area.regions if r.type == "WINDOW")
-    return View(space.region_3d, space.lens, (max(1, region.width), max(1, region.height)))
+    return ViewportView(space.region_3d, space.lens, (max(1, region.width), max(1, region.height)))

@@ -23,7 +23,7 @@ BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so tha
 
 
 @dataclass(frozen=True)
-class PhotoSource:
+class ImageSource:
     """Where the engine finds a Blender image's pixels: a file, the bytes packed into the .blend, or for OpenEXR, which only
     Blender decodes, its `light` (H, W, 4) float32.
     """
@@ -45,16 +45,16 @@ class PhotoSource:
             return read_photo(file)
 
 
-def photo_source(image: bpy.types.Image) -> PhotoSource:
+def photo_source(image: bpy.types.Image) -> ImageSource:
     """Copies what is needed to read the image later. Raises PhotoError when it has no pixels of its own."""
     path = bpy.path.abspath(image.filepath, library=image.library)
     if image.source == "FILE" and is_exr(image, path):
-        return PhotoSource(image.name, path, light=_light(image))
+        return ImageSource(image.name, path, light=_light(image))
     if image.packed_file:
-        return PhotoSource(image.name, path, bytes(image.packed_file.data))
+        return ImageSource(image.name, path, bytes(image.packed_file.data))
     if image.source != "FILE" or not path:
         raise PhotoError(rpt_('The image "{name}" is not a photo file; add the photo with Add Photo.', name=image.name))
-    return PhotoSource(image.name, path)
+    return ImageSource(image.name, path)
 
 
 def read_any_photo(path: str) -> Photo:
@@ -86,11 +86,11 @@ def is_linear(path: str) -> bool:
         with open(path, "rb") as file:
             return file.read(len(EXR_SIGNATURE)) == EXR_SIGNATURE
     except OSError:
-        return False  # the engine says what is wrong
+        return False  # The engine reports what is wrong with the file.
 
 
 def is_exr(image: bpy.types.Image, path: str) -> bool:
-    """By its first bytes: asking Blender for the format makes it decode the whole photo, and keep it."""
+    """Whether the first bytes are OpenEXR's. Asking Blender for the format would make it decode and keep the whole photo."""
     return bytes(image.packed_file.data).startswith(EXR_SIGNATURE) if image.packed_file else is_linear(path)
 
 
@@ -116,16 +116,16 @@ def load_image(path: str, photo: Photo) -> bpy.types.Image:
         if image.users == 0:
             bpy.data.images.remove(image)
         image = packed_copy(Path(path).name, photo)
-        image[FILE_KEY] = path  # it does not know where it came from
+        image[FILE_KEY] = path  # The packed copy does not know which file it was made from.
     return image
 
 
 def packed_copy(name: str, photo: Photo) -> bpy.types.Image:
     """A new image inside the .blend with the photo's pixels."""
-    height, width = photo.pixels.shape[:2]  # of a very large photo fewer than its own
+    height, width = photo.pixels.shape[:2]  # Blender loads a very large photo with fewer pixels than the file has.
     image = bpy.data.images.new(Path(name).stem + ".png", width, height)
     pixels = np.ones((height, width, 4), np.float32)
-    pixels[..., :3] = photo.pixels[::-1].astype(np.float32) / 255  # Blender's first row is the bottom one
+    pixels[..., :3] = photo.pixels[::-1].astype(np.float32) / 255  # Blender stores the bottom row first.
     image.pixels.foreach_set(pixels.ravel())
     image.file_format = "PNG"
     image.pack()
@@ -154,9 +154,9 @@ def own_size(data: bpy.types.Camera) -> tuple[int, int]:
 
     (0, 0) where there is no photo, or its file is gone and Blender has no pixels of it either.
     """
-    note, image = data.gssmc, photo_of(data)
-    kept = note.photo_x, note.photo_y
-    known = all(kept) and note.framed == image
+    props, image = data.gssmc, photo_of(data)
+    kept = props.photo_x, props.photo_y
+    known = all(kept) and props.framed == image
     if image is None or (known and not image.has_data):
         return kept if known else (0, 0)
     if known and _same_shape(tuple(image.size), kept):
@@ -165,12 +165,12 @@ def own_size(data: bpy.types.Camera) -> tuple[int, int]:
 
 
 def _same_shape(a: tuple[int, int], b: tuple[int, int]) -> bool:
-    """Up to the pixel that halving a side may round away."""
+    """Compares the shapes, but for the pixel that halving a side may lose."""
     return abs(a[0] * b[1] - a[1] * b[0]) <= max(*a, *b)
 
 
 def _size_in_file(image: bpy.types.Image) -> tuple[int, int]:
-    """By the file's first bytes; Blender would decode all of it, and does where they do not tell."""
+    """Reads the size from the file's first bytes; where they do not hold it, Blender decodes the whole file."""
     file = photo_file(image)
     if image.source == "FILE" and Path(file).is_file() and not is_exr(image, file):
         try:

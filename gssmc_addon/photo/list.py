@@ -1,4 +1,4 @@
-"""The scene's list of photos: what is on it, and the one that is looked at."""
+"""The scene's list of photos, and the one that is selected."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def find(scene: bpy.types.Scene, camera: bpy.types.Object) -> GssmcPhoto | None:
     return next((entry for entry in scene.gssmc.photos if entry.camera == camera), None)
 
 
-def note(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
+def add(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> GssmcPhoto:
     """The entry of a camera that was just given its photo; a new one where it has none yet."""
     entry = find(scene, camera) or scene.gssmc.photos.add()
     entry.camera, entry.error, entry.note, entry.file = camera, "", "", ""
@@ -56,11 +56,11 @@ def note(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> Gssm
 
 
 def pick(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
-    """Makes a camera's entry the picked one, which is then looked through."""
+    """Selects a camera's entry; its update function then looks through the camera."""
     scene.gssmc.photo_index = next(i for i, entry in enumerate(scene.gssmc.photos) if entry.camera == camera)
 
 
-def note_unreadable(scene: bpy.types.Scene, name: str, message: str) -> GssmcPhoto:
+def add_unreadable(scene: bpy.types.Scene, name: str, message: str) -> GssmcPhoto:
     """A line for a photo that has no camera because it could not be used."""
     entry = scene.gssmc.photos.add()
     entry.file, entry.error, entry.ticked = name, message, False
@@ -83,13 +83,13 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     image = photo_image.camera_photo(camera)
     scene.camera = camera
     camera_frame.follow(scene)
-    context.view_layer.update()  # a camera that was just linked is not in it yet
+    context.view_layer.update()  # A camera that was just linked is not in the view layer yet.
     if camera_solution.verdict(scene, camera) in ("TRUSTED", "CHECK"):
         photo_camera.stop_moving_with_view()
     if camera.name in context.view_layer.objects:
         photo_camera.look_through(context, camera)
     if left and left != image and not left.is_dirty:
-        left.buffers_free()  # going through hundreds of photos must not keep all their pixels
+        left.buffers_free()  # The pixels are released, or hundreds of photos would fill the memory.
     return True
 
 
@@ -100,7 +100,7 @@ def thumbnail(entry: GssmcPhoto) -> int:
 
 
 def _set_thumbnail(image: bpy.types.Image, photo: Photo) -> None:
-    """A small picture of our own: Blender's would read the whole photo again, and keep it."""
+    """Makes a small picture ourselves, because Blender would read the whole photo again and keep it."""
     height, width = photo.pixels.shape[:2]
     scale = THUMBNAIL_PX / max(width, height)
     size = max(1, round(width * scale)), max(1, round(height * scale))

@@ -7,22 +7,21 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...core.errors import PhotoError
+from ...core.errors import CameraError, PhotoError
 from ...core.photos.mask import WHITE, with_mask
 from ...core.photos.photo import Photo
-from ..plate.source import FrameSource
 from ..support.texts import rpt_
 from . import image as photo_image
-from .image import PhotoSource
+from .source import PhotoSource
 
-SINGLE = ("FILE", "GENERATED")  # sources of an image that is one picture
+SINGLE: tuple[str, ...] = ("FILE", "GENERATED")  # The sources that stand for a single picture.
 
 
 @dataclass(frozen=True)
 class MaskedSource:
-    """A photo with its mask; read like a PhotoSource. A mask that Blender alone has pixels of is read already."""
+    """A photo with its mask; itself a PhotoSource. A mask that Blender alone has pixels of is read already."""
 
-    photo: PhotoSource | FrameSource
+    photo: PhotoSource
     mask: PhotoSource | Photo
 
     @property
@@ -39,7 +38,7 @@ class MaskedSource:
         return with_mask(photo, self.mask if isinstance(self.mask, Photo) else self.mask.read())
 
 
-def masked(photo: PhotoSource | FrameSource, mask: PhotoSource | Photo | None) -> PhotoSource | FrameSource | MaskedSource:
+def masked(photo: PhotoSource, mask: PhotoSource | Photo | None) -> PhotoSource:
     """`photo` with what `of` gave for its camera."""
     return photo if mask is None else MaskedSource(photo, mask)
 
@@ -69,6 +68,14 @@ def _painted(image: bpy.types.Image) -> Photo:
         raise PhotoError(rpt_('The mask "{name}" has no pixels that Blender can read; save it as PNG.', name=image.name))
     values = np.empty(channels * width * height, np.float32)
     image.pixels.foreach_get(values)
-    colours = values.reshape(height, width, channels)[::-1, :, : min(channels, 3)]  # Blender's first row is the bottom one
+    colours = values.reshape(height, width, channels)[::-1, :, : min(channels, 3)]  # Blender stores the bottom row first.
     white = (colours.max(axis=2) >= WHITE / 255).astype(np.uint8) * np.uint8(255)
     return Photo(np.repeat(white[..., None], 3, axis=2), image.name)
+
+
+def load(path: str) -> bpy.types.Image:
+    """The mask as a Blender image. Raises CameraError when there is no such file."""
+    try:
+        return bpy.data.images.load(bpy.path.abspath(path), check_existing=True)
+    except RuntimeError:
+        raise CameraError(rpt_("There is no mask at '{path}'; check the path.", path=path)) from None

@@ -1,4 +1,4 @@
-"""From where a photo is tried again of which no camera was found: the cameras of solved photos of the list."""
+"""Other starts for a photo whose camera was not found: the cameras of solved photos of the list."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..camera import bridge as camera_bridge
 from ..camera import solution as camera_solution
 from . import list as photo_list
 
-NEAR, SPREAD = 2, 2  # tries from the nearest cameras, and from ones that lie far from those and from each other
+NEAR, SPREAD = 2, 2  # How many starts are the nearest cameras, and how many lie far from those and from each other.
 
 
 @dataclass(frozen=True)

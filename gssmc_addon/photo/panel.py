@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from ..camera import solution as camera_solution
@@ -18,7 +20,18 @@ SAID_LINES = 3
 class GSSMC_UL_photos(bpy.types.UIList):
     """Tick, thumbnail, name, and what came of it."""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index) -> None:
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: Any,
+        item: GssmcPhoto,
+        icon: int,
+        active_data: Any,
+        active_property: str,
+        index: int,
+    ) -> None:
+        """Draws one line. Blender counts the parameters, so the unused ones have to stay."""
         row = layout.row(align=True)
         row.prop(item, "ticked", text="")
         picture = photo_list.thumbnail(item)
@@ -31,15 +44,17 @@ class GSSMC_UL_photos(bpy.types.UIList):
             row.prop(camera, "name", text="", emboss=False)
         else:
             row.label(text=photo_list.title(item) or iface_("Camera deleted"), translate=False)
-        if _error(context.scene, item):  # in full below the list, when the line is picked
+        if _error(context.scene, item):  # The full text shows below the list when the line is selected.
             row.label(text="", icon="ERROR")
-        else:
+        elif camera:
             if camera.data.gssmc.mask:
                 row.label(text="", icon="MOD_MASK")
             verdict = camera_solution.verdict(context.scene, camera)
             row.label(text="", icon=camera_props.VERDICT_ICONS[verdict] if verdict != "NONE" else "BLANK1")
 
-    def filter_items(self, context, data, propname):
+    def filter_items(
+        self, context: bpy.types.Context, data: bpy.types.bpy_struct, propname: str
+    ) -> tuple[list[int], list[int]]:
         """By name, as the list's search field asks; the names are the cameras'."""
         items = getattr(data, propname)
         wanted = self.filter_name.lower()
@@ -81,10 +96,13 @@ def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
     column = layout.column(align=True)
     row = column.row(align=True)
     row.scale_y, row.enabled = 1.25, left > 0
+    row.operator("gssmc.find_all", text=iface_("Find Open ({count})", count=left), icon="VIEWZOOM").which = "OPEN"
     row.operator("gssmc.refine_all", text=iface_("Refine Open ({count})", count=left), icon="CAMERA_DATA").which = "OPEN"
-    row = column.row(align=True)
-    row.operator("gssmc.refine_all", text="Ticked").which = "TICKED"
-    row.operator("gssmc.refine_all", text="All").which = "ALL"
+    for name, title in (("find_all", iface_("Find")), ("refine_all", iface_("Refine"))):
+        row = column.row(align=True)
+        row.label(text=title)
+        row.operator(f"gssmc.{name}", text="Ticked").which = "TICKED"
+        row.operator(f"gssmc.{name}", text="All").which = "ALL"
 
 
 def _draw_said(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

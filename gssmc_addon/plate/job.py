@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from statistics import median
 
@@ -17,30 +17,20 @@ from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.sequence import FramePose
 from ...core.pose.settings import RefineSettings
 from ..camera import bridge as camera_bridge
+from ..find import job as find_job
 from ..jobs.retries import RetryQueue
 from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import mask as mask_source
-from ..refine import job as jobs
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
+from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import source as plate_source
+from .options import SequenceOptions
 
-DOUBT = 0.25  # weight of a frame whose verdict is "check"
+DOUBT = 0.25  # The weight of a frame whose verdict is "check".
 SHOWN_FRAMES = 12
 FIGURES = re.compile(r"\d+(\.\d+)?")
-
-
-@dataclass(frozen=True)
-class SequenceOptions:
-    """Frames of the scene from `start` to `end` by `step`; `smooth_frames`: shorter wiggles are taken out."""
-
-    start: int
-    end: int
-    step: int
-    smooth_frames: float
-    every_frame: bool
-    key_lens: bool
 
 
 class SequenceJob(RetryQueue):
@@ -54,9 +44,10 @@ class SequenceJob(RetryQueue):
     def __init__(
         self, scene: bpy.types.Scene, camera: bpy.types.Object, options: SequenceOptions, settings: RefineSettings
     ) -> None:
-        self._plate = plate_source.moving_photo(camera)
-        if self._plate is None:
+        plate = plate_source.moving_photo(camera)
+        if plate is None:
             raise PhotoError(plate_source.no_plate(camera))
+        self._plate = plate
         splat = scene.gssmc.splat
         frames = sequence.keyframes(options.start, options.end, options.step)
         copying = SplatCopying(splat)
@@ -65,16 +56,18 @@ class SequenceJob(RetryQueue):
         self.order = sequence.outward(frames, scene.frame_current)
         self.reports: dict[int, RefineReport] = {}
         self.bad: dict[int, str] = {}
-        self._started: dict[int, int | None] = {}  # the frame whose camera a frame's first try started from
+        self._started: dict[int, int | None] = {}  # The frame whose camera was the start of a frame's first try.
+        self._sought = False  # Whether a frame was looked for in the whole scan.
         self._uids = scene.session_uid, splat.session_uid, camera.session_uid
         self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
-        self._renderer = SplatRenderer(copying, settings.threads)
+        self._renderer = SplatRenderer(copying, settings.threads, keeps=options.find_start)
+        self._finder = find_job.finder_of(scene, splat, self._renderer)
 
     def find(self) -> tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Object]:
         """The live scene, splat and camera. Raises RefineError when something is gone."""
-        scene = jobs.by_uid(bpy.data.scenes, self._uids[0])
-        splat, camera = (jobs.by_uid(scene.objects, uid) if scene else None for uid in self._uids[1:])
+        scene = by_uid(bpy.data.scenes, self._uids[0])
+        splat, camera = (by_uid(scene.objects, uid) if scene else None for uid in self._uids[1:])
         if splat is None or camera is None:
             raise RefineError(rpt_("The splat or the camera was removed while the plate was refined; nothing was changed."))
         return scene, splat, camera
@@ -95,10 +88,14 @@ class SequenceJob(RetryQueue):
         near = sequence.nearest(frame, self.reports) if start is None else start
         self._started.setdefault(frame, near)
         camera = self._copy if near is None else replace(self._copy, pose=self.reports[near].camera.pose)
-        source = mask_source.masked(self._plate.at(frame), self._mask)
-        return partial(refinement, RefineInputs(self._renderer, source, camera, self.settings))
+        source = mask_source.masked(self._plate.frame_at(frame), self._mask)
+        inputs = RefineInputs(self._renderer, source, camera, self.settings)
+        if near is None and self.options.find_start and not self._sought:
+            self._sought = True  # It takes long, and where one frame cannot be found, no other of the shot can.
+            return partial(self._finder.found_if_failed, inputs)
+        return partial(refinement, inputs)
 
-    def note(self, news: RefineProgress) -> None:
+    def on_progress(self, news: RefineProgress) -> None:
         self.fraction = self.progress(news.fraction)
 
     def end_try(self, item: int, start: int | None, report: RefineReport) -> bool:
@@ -139,7 +136,9 @@ class SequenceJob(RetryQueue):
         if self.options.every_frame and len(track) > 1:
             smoothed = [FramePose(frame, pose) for frame, pose in zip(frames, poses, strict=True)]
             filled = list(range(frames[0], frames[-1] + 1))
-            lenses = [self.reports[sequence.nearest(frame, frames)].camera for frame in filled]
+            nearest = [sequence.nearest(frame, frames) for frame in filled]
+            # It is never None, because `frames` holds at least two.
+            lenses = [self.reports[near].camera for near in nearest if near is not None]
             frames, poses = filled, sequence.interpolate(smoothed, filled)
         return {frame: replace(lens, pose=pose) for frame, lens, pose in zip(frames, lenses, poses, strict=True)}
 
@@ -158,14 +157,14 @@ class SequenceJob(RetryQueue):
     def summary(self) -> str:
         """Up to three sentences on all frames."""
         values = {"good": self.items - len(self.bad), "count": self.items}
-        words = [rpt_("{good} of {count} frames of the plate were refined.", **values)]
+        sentences = [rpt_("{good} of {count} frames of the plate were refined.", **values)]
         if self.items == 1:
-            words = [rpt_("1 frame of the plate was refined.")]
+            sentences = [rpt_("1 frame of the plate was refined.")]
         if self.doubtful:
-            words.append(rpt_("Look at these before you rely on them: {frames}.", frames=frame_list(self.doubtful)))
+            sentences.append(rpt_("Look at these before you rely on them: {frames}.", frames=frame_list(self.doubtful)))
         if self.bad:
-            words.append(rpt_("Bad and not keyed: {frames}.", frames=frame_list(self.bad)))
-        return " ".join(words)
+            sentences.append(rpt_("Bad and not keyed: {frames}.", frames=frame_list(self.bad)))
+        return " ".join(sentences)
 
     def reasons(self) -> list[str]:
         """The summary, then why frames are bad or doubtful, a line for all frames of which the same is to be said."""

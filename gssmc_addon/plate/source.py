@@ -11,7 +11,7 @@ from ...core.errors import PhotoError
 from ...core.photos.photo import Photo
 from ...core.photos.plate import DIGITS, Plate, open_plate
 from ..photo import image as photo_image
-from ..photo.image import PhotoSource
+from ..photo.source import PhotoSource
 from ..support.texts import rpt_
 
 MOVING = ("SEQUENCE", "MOVIE")
@@ -19,7 +19,7 @@ MOVING = ("SEQUENCE", "MOVIE")
 
 @dataclass(frozen=True)
 class FrameSource:
-    """One frame of a plate; read like a PhotoSource. `decoded`: the frame, where only Blender decodes it (OpenEXR)."""
+    """One frame of a plate; a PhotoSource. `decoded`: the frame, where only Blender decodes it (OpenEXR)."""
 
     plate: Plate
     number: int
@@ -52,7 +52,7 @@ class MovingPhoto:
         """The frames of the scene that it covers."""
         return self.first - self.offset, self.last - self.offset
 
-    def at(self, frame: int) -> FrameSource:
+    def frame_at(self, frame: int) -> FrameSource:
         """The frame of the scene's `frame`. Main thread only. Raises PhotoError when Blender has to decode it and can't."""
         return frame_source(self.plate, frame + self.offset)
 
@@ -100,11 +100,12 @@ def _of_image(image: bpy.types.Image, user: bpy.types.ImageUser | None) -> Movin
 
 def _of_clip(clip: bpy.types.MovieClip) -> MovingPhoto:
     plate, first, last = open_plate(bpy.path.abspath(clip.filepath, library=clip.library))
-    here = 1 if plate.is_movie else int(DIGITS.search(plate.path.stem).group())
+    number = DIGITS.search(plate.path.stem)
+    here = int(number.group()) if number and not plate.is_movie else 1
     return MovingPhoto(plate, here - clip.frame_start + clip.frame_offset, first, last)
 
 
-def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> PhotoSource | FrameSource:
+def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> PhotoSource:
     """Where the engine finds the camera's photo: the current frame where it moves. Raises PhotoError."""
     if photo.source not in MOVING:
         return photo_image.photo_source(photo)
@@ -113,7 +114,7 @@ def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types
         raise PhotoError(
             rpt_('The image "{name}" is not shown behind its camera; pick it as the photo again.', name=photo.name)
         )
-    return plate.at(scene.frame_current)
+    return plate.frame_at(scene.frame_current)
 
 
 def load(path: Path, is_movie: bool) -> bpy.types.Image:

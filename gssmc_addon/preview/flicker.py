@@ -27,10 +27,11 @@ def _toggle() -> float | None:
             space.image = pair[0] if space.image == pair[1] else pair[1]
             area.tag_redraw()
     data = preview_images.in_viewport()
-    for slot in data.background_images if data else ():
+    slots = data.background_images if data else ()
+    for slot in slots:
         if slot.image in pair:
             slot.image = pair[0] if slot.image == pair[1] else pair[1]
-            data.update_tag()
+            slot.id_data.update_tag()
     return INTERVAL_S
 
 

@@ -37,7 +37,7 @@ def put(kind: str, png: bytes, size: tuple[int, int], key: str = "") -> bpy.type
     if image is None:
         image = bpy.data.images.new(NAMES[kind], *size)
         image[MARK] = kind
-        image.alpha_mode = "NONE"  # alpha of the render only tells where the scan has something
+        image.alpha_mode = "NONE"  # The alpha of the render only says where the scan has anything.
     image.pack(data=png, data_len=len(png))
     image.source = "FILE"
     image.buffers_free()
@@ -56,10 +56,12 @@ def put_pair(pair: Comparison, key: Key) -> None:
 
 def packed_pair(key: Key) -> tuple[bytes, bytes] | None:
     """The kept photo and render of `key` as PNG, None when they belong to another."""
-    images = [find("photo"), find("render")]
-    if any(image is None or not key.fits(image.get(KEY)) or not image.packed_file for image in images):
+    photo, render = find("photo"), find("render")
+    if photo is None or render is None:
         return None
-    return bytes(images[0].packed_file.data), bytes(images[1].packed_file.data)
+    if any(not key.fits(image.get(KEY)) or not image.packed_file for image in (photo, render)):
+        return None
+    return bytes(photo.packed_file.data), bytes(render.packed_file.data)
 
 
 def unpack_pair(packed: tuple[bytes, bytes]) -> Comparison | None:
@@ -105,18 +107,18 @@ def show_in_viewport(data: bpy.types.Camera | None, image: bpy.types.Image | Non
     """Makes `image` a picture before the scene for who looks through this camera, and through no other; None takes the preview
     away everywhere. The photo's own background stays.
     """
-    for camera in bpy.data.cameras:  # there is one picture, which another camera must not show as its own
+    for camera in bpy.data.cameras:  # There is only one picture, and another camera must not show it as its own.
         slots = [slot for slot in camera.background_images if is_ours(slot.image)]
         keep = 1 if image is not None and camera == data else 0
         for slot in slots[keep:]:
             camera.background_images.remove(slot)
         if len(slots) > keep:
-            camera.update_tag()  # removing a background alone does not reach the viewport's copy of the camera
+            camera.update_tag()  # Removing a background image alone does not update the viewport's copy of the camera.
     if image is None or data is None:
         return
     slot = next((slot for slot in data.background_images if is_ours(slot.image)), None) or data.background_images.new()
     slot.image, slot.alpha, slot.frame_method, slot.display_depth = image, 1.0, "FIT", "FRONT"
     if data.gssmc.photo:
-        image.display_aspect = data.gssmc.photo.display_aspect  # its pixels are as wide as the photo's
+        image.display_aspect = data.gssmc.photo.display_aspect  # The preview's pixels have the photo's aspect.
     slot.show_background_image = data.show_background_images = True
     data.update_tag()

@@ -26,7 +26,7 @@ from ..jobs.machine import Job
 from ..jobs.worker import Steps
 from ..photo import image as photo_image
 from ..photo import mask as mask_source
-from ..photo.image import PhotoSource
+from ..photo.source import PhotoSource
 from ..plate import source as plate_source
 from ..splat import object as splat_object
 from ..splat.copy import SplatCopying, digest
@@ -78,7 +78,7 @@ class PreviewJob(Job):
         super().__init__(partial(_steps, inputs, lambda: self.cancelled), copying)
         self.inputs = inputs
 
-    def note(self, news: tuple[str, float]) -> None:
+    def on_progress(self, news: tuple[str, float]) -> None:
         self.step, self.fraction = news
 
 
@@ -105,7 +105,8 @@ def _steps(inputs: PreviewInputs, stopped: Callable[[], bool]) -> Steps:
     yield "Preparing the splat", 0.15
     if inputs.splat is None:
         raise RefineError(n_("The kept pictures of the preview are gone; press Preview again."))
-    renderer = _Stoppable(inputs.splat.get(), stopped)
+    own = inputs.splat.get()
+    renderer = _Stoppable(own, stopped) if isinstance(own, Renderer) else own
     if pair is None:
         yield "Rendering the splat", 0.35
         pair = Comparison(photo.pixels, *compare_pictures.render_photo_like(renderer, camera))
@@ -136,14 +137,14 @@ def compose(options: PreviewOptions, pair: Comparison, matches: DrawnMatches | N
     return pair.render
 
 
-def gather(
+def prepare(
     context: bpy.types.Context, camera: bpy.types.Object | None, options: PreviewOptions, settings: RefineSettings
 ) -> PreviewJob:
     """Copies the inputs. Raises GssmcError, with what to do, when something is missing or unfit."""
     scene, splat = context.scene, context.scene.gssmc.splat
-    splat_object.check_picked(scene, splat)
+    splat = splat_object.picked(scene, splat)
     photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
-    if photo is None:
+    if camera is None or photo is None:
         raise RefineError(rpt_("The scene's camera has no photo; use Add Photo in the GS-SMC panel."))
     copy, source = camera_bridge.read_camera(scene, camera, splat), plate_source.source_at(scene, camera, photo)
     key = preview_images.Key(view_key(copy, source, splat, options), content_key(splat))
@@ -151,7 +152,7 @@ def gather(
     needed = kept is None or options.style == "MATCHES"
     copying = SplatCopying(splat) if needed else None
     renderer = SplatRenderer(copying, single=True) if copying else None
-    if options.style == "MATCHES":  # the mask is nothing to see in the others
+    if options.style == "MATCHES":  # The other styles do not show the mask.
         source = mask_source.masked(source, mask_source.of(camera))
     return PreviewJob(PreviewInputs(options, source, copy, settings, renderer, kept, key), copying)
 
@@ -180,5 +181,5 @@ def _stamp(path: Path) -> tuple[int, int]:
     return found.st_mtime_ns, found.st_size
 
 
-def options_of(own: bpy.types.PropertyGroup) -> PreviewOptions:
+def options_of(own: bpy.types.bpy_struct) -> PreviewOptions:
     return PreviewOptions(own.style, own.position, own.long_side_px)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
+import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 STYLES = (
@@ -20,11 +22,15 @@ STYLES = (
     ("FLICKER", "Flicker", "Photo and render in turn, twice a second"),
     ("MATCHES", "Matches", "The features by which both are recognised in each other: green where they sit at the same place"),
 )
-IN_VIEWPORT = ("DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER", "FLICKER")  # those of the photo's own shape
+# The styles whose picture has the photo's own shape.
+IN_VIEWPORT = ("DIAGONAL", "WIPE", "SQUARES", "DIFFERENCE", "RENDER", "FLICKER")
 
 
-def annotations(
-    update: Callable | None = None, position_update: Callable | None = None, background_update: Callable | None = None
+Update = Callable[[Any, bpy.types.Context], None]
+
+
+def preview_annotations(
+    update: Update | None = None, position_update: Update | None = None, background_update: Update | None = None
 ) -> dict[str, object]:
     """The options as Blender properties, with what is called when the style, the wipe's line, or its place is changed."""
     return {

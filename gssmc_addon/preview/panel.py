@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from ..jobs import slot as jobs
+from ..jobs import slot
 from ..photo import image as photo_image
 from ..refine import panel as panels
 from ..support.texts import iface_
@@ -24,7 +24,7 @@ class GSSMC_PT_preview(panels._Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, own = self.layout, context.window_manager.gssmc.preview
         column = layout.column(align=True)
-        column.enabled = not jobs.active()  # what is chosen is what is shown
+        column.enabled = not slot.active()  # A job must end first, so that the options always agree with the picture.
         column.prop(own, "style", text="")
         if own.style == "WIPE":
             column.prop(own, "position", slider=True)

@@ -12,7 +12,7 @@ import bpy
 
 from ...core.errors import GssmcError
 from ..camera import bridge as camera_bridge
-from ..jobs import slot as jobs
+from ..jobs import slot
 from ..photo import image as photo_image
 from ..plate import source as plate_source
 from ..splat import object as splat_object
@@ -28,9 +28,9 @@ def style_changed(own: bpy.types.PropertyGroup, context: bpy.types.Context) -> N
     """Another style, or the viewport shows it now."""
     own.flicker = False
     if preview_images.find("render") is None:
-        return  # there is no preview yet: the button makes the first
+        return  # There is no preview yet; the button makes the first one.
     if own.style not in preview_options.IN_VIEWPORT:
-        preview_images.show_in_viewport(None, None)  # what stands there is of another style
+        preview_images.show_in_viewport(None, None)  # The picture there belongs to another style.
     shown = own.style != "MATCHES" and _recompose(own, context, any_content=False)
     if not shown and not bpy.app.background and not bpy.app.timers.is_registered(_press):
         bpy.app.timers.register(_press, first_interval=0.0)
@@ -47,9 +47,10 @@ def _press() -> float | None:
     window = next(iter(bpy.context.window_manager.windows), None)
     if window is None:
         return None
-    if jobs.active():
+    if slot.active():
         return BUSY_S
-    with bpy.context.temp_override(window=window), contextlib.suppress(RuntimeError):  # it has said why, in the panel too
+    # The operator has reported the reason, also in the panel.
+    with bpy.context.temp_override(window=window), contextlib.suppress(RuntimeError):
         bpy.ops.gssmc.preview("INVOKE_DEFAULT")
     return None
 
@@ -66,16 +67,15 @@ def _recompose(own: bpy.types.PropertyGroup, context: bpy.types.Context, any_con
         source = plate_source.source_at(context.scene, camera, photo)
         content = "" if any_content else preview_job.content_key(splat)
     except (GssmcError, KeyError):
-        return False  # the button says what is wrong
+        return False  # The button reports what is wrong.
     kept = preview_images.packed_pair(preview_images.Key(preview_job.view_key(copy, source, splat, options), content))
     pair = preview_images.unpack_pair(kept) if kept else None
     if pair is None:
         return False
-    if own.style == "FLICKER":
-        picture = preview_images.find("render")
-    else:
+    picture = preview_images.find("render") if own.style == "FLICKER" else None
+    if picture is None:
         picture = preview_images.put_picture(preview_job.compose(options, pair))
-    context.window_manager.gssmc.tell("")  # what was said of the style before
+    context.window_manager.gssmc.tell("")  # The message belonged to the previous style.
     shown = preview_images.show(picture)
     in_viewport = own.background and own.style in preview_options.IN_VIEWPORT
     if in_viewport:

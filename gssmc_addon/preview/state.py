@@ -10,7 +10,7 @@ from . import options as preview_options
 
 
 def _style_changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
-    from . import restyle  # it needs the properties, which need this module
+    from . import restyle  # Imported here, because that module needs the properties, which need this one.
 
     restyle.style_changed(self, context)
 
@@ -35,8 +35,8 @@ class GssmcPreview(bpy.types.PropertyGroup):
     """The preview's options as the panel shows them, and whether the flicker runs."""
 
     __annotations__ = {
-        **preview_options.annotations(_style_changed, _position_changed, _background_changed),
+        **preview_options.preview_annotations(_style_changed, _position_changed, _background_changed),
         "flicker": BoolProperty(
-            name="Flicker", description="Photo and render take turns, twice a second", default=False, update=flicker.changed
+            name="Flicker", description="Shows photo and render in turn, twice a second", default=False, update=flicker.changed
         ),
     }

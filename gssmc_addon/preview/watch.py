@@ -50,7 +50,7 @@ def take_away_when_stale() -> None:
         copy = camera_bridge.read_camera(scene, camera, scene.gssmc.splat) if camera and scene.gssmc.splat else None
     except GssmcError:
         copy = None
-    if copy is None or image.get(VIEW) != _view(camera, copy):
+    if camera is None or copy is None or image.get(VIEW) != _view(camera, copy):
         preview_images.show_in_viewport(None, None)
 
 

@@ -1,1 +1,1 @@
-"""Refine Camera: gathered from the scene, watched, and written back."""
+"""Refine Camera: prepared from the scene, watched, and written back."""

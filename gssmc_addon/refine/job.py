@@ -1,14 +1,12 @@
-"""A refinement of one camera, from Blender's data and back: gather, watch, apply.
+"""A refinement of one camera, from Blender's data and back: prepared, watched, applied.
 
 Blender's data may change under a running job (undo, deletion, another file), so a job keeps session ids, never references.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import bpy
 
@@ -31,6 +29,7 @@ from ..splat import object as splat_object
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support import problem
+from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 
 REMOVED = {
@@ -68,10 +67,6 @@ class Targets:
         return scene, splat, camera
 
 
-def by_uid(blocks: Iterable[Any], uid: int) -> Any:
-    return next((block for block in blocks if block.session_uid == uid), None)
-
-
 class RefineJob(Job):
     """One refinement of one camera; its result is the RefineReport."""
 
@@ -88,50 +83,59 @@ class RefineJob(Job):
     def close(self) -> None:
         self.inputs.splat.close()
 
-    def note(self, news: RefineProgress) -> None:
+    def on_progress(self, news: RefineProgress) -> None:
         self.fraction, self.step = news.fraction, news.step[:1].upper() + news.step[1:]
         self.detail = iface_("Iteration {number} of {count}", number=max(news.iteration, 1), count=news.iterations)
 
 
-def gather(
+def prepare(
     scene: bpy.types.Scene,
     splat: bpy.types.Object | None,
     camera: bpy.types.Object | None,
-    photo: bpy.types.Image | None,
     settings: RefineSettings,
     renderer: SplatRenderer | None = None,
 ) -> RefineJob:
-    """Copies all inputs out of Blender, but for the splat, which the job does first, unless its `renderer` is there already.
+    """A refinement of the camera by its photo. Copies all inputs out of Blender, but for the splat, which the job does first,
+    unless its `renderer` is there already.
 
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
-    splat_object.check_picked(scene, splat)
-    _check_photo(camera, photo)
+    splat = splat_object.picked(scene, splat)
+    camera, photo = _with_photo(camera)
     check_choice(settings)
     camera_channels.check_writable(camera)
     copy = camera_bridge.read_camera(scene, camera, splat)
     source = mask_source.masked(plate_source.source_at(scene, camera, photo), mask_source.of(camera))
     _check_memory(splat, photo, settings)
-    copying = None if renderer else SplatCopying(splat)
-    inputs = RefineInputs(renderer or SplatRenderer(copying, settings.threads), source, copy, settings)
+    copying = None
+    if renderer is None:
+        copying = SplatCopying(splat)
+        renderer = SplatRenderer(copying, settings.threads)
+    inputs = RefineInputs(renderer, source, copy, settings)
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs, copying)
 
 
-def _check_photo(camera: bpy.types.Object | None, photo: bpy.types.Image | None) -> None:
+def _photo_of(camera: bpy.types.Object | None) -> bpy.types.Image | None:
+    return photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
+
+
+def _with_photo(camera: bpy.types.Object | None) -> tuple[bpy.types.Object, bpy.types.Image]:
+    """The camera with its photo. Raises RefineError when one of them is missing."""
+    photo = _photo_of(camera)
     if camera is None or camera.type != "CAMERA":
         raise RefineError(rpt_("The scene has no camera for the photo; use Add Photo in the GS-SMC panel."))
     if photo is None:
         raise RefineError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
+    return camera, photo
 
 
 def missing(scene: bpy.types.Scene) -> str:
     """Why no photo of the scene can be refined or looked at, for a poll; "" when one can. Scripts may name any camera."""
     try:
-        splat_object.check_picked(scene, scene.gssmc.splat)
-        camera = scene.camera
-        photo = photo_image.camera_photo(camera) if camera and camera.type == "CAMERA" else None
+        splat_object.picked(scene, scene.gssmc.splat)
+        camera, photo = scene.camera, _photo_of(scene.camera)
         if photo is None and not any(photo_image.camera_photo(o) for o in scene.objects if o.type == "CAMERA"):
-            _check_photo(camera, photo)
+            _with_photo(camera)
     except RefineError as error:
         return str(error)
     return ""
@@ -162,8 +166,8 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
         if camera == scene.camera:
             photo_camera.stop_moving_with_view()
     else:
-        camera_props.note_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
-    values = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
+        camera_props.keep_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
+    values: dict[str, object] = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
         return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
     values |= {"verdict": iface_(camera_props.VERDICT_NAMES[report.verdict.upper()]).lower(), "seconds": report.seconds}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..camera import solution as camera_solution
-from ..jobs import slot as jobs
+from ..jobs import slot
 from ..jobs.machine import CATEGORY
 from ..photo import image as photo_image
 from ..registration import camera_props, preferences
@@ -16,7 +16,7 @@ from ..support.texts import iface_
 from ..viewport import props as viewport_props
 
 LINE_SCALE = 0.8  # of a line of text
-OUTCOME_LINES = 4  # in a sidebar of the usual width the first sentence of a verdict, which is then the plainest
+OUTCOME_LINES = 4  # Enough for the first and most important sentence of a verdict in a sidebar of the usual width.
 
 
 class _Sidebar:
@@ -78,15 +78,18 @@ def _draw_camera(layout: bpy.types.UILayout, context: bpy.types.Context, camera:
 
 
 def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context, camera: bpy.types.Object | None) -> None:
-    """The button, or the progress in its place, and the box below, as high before and while a camera is refined as after."""
-    job = jobs.active()
-    column = _step(layout, "4  Refine", camera is not None and camera_solution.verdict(context.scene, camera) == "TRUSTED")
+    """The buttons, or the progress in their place, and the box below, as high before and while a camera is refined as after."""
+    job = slot.active()
+    column = _step(
+        layout, "4  Find or Refine", camera is not None and camera_solution.verdict(context.scene, camera) == "TRUSTED"
+    )
     row = column.row(align=True)
     row.scale_y = 1.5
     if job:
         row.progress(factor=job.fraction, text=job.step)
         row.operator("gssmc.cancel", text="", icon="X")
     else:
+        row.operator("gssmc.find_camera", icon="VIEWZOOM")
         row.operator("gssmc.refine", icon="CAMERA_DATA")
     _draw_outcome(layout.box(), context, camera)
 
@@ -95,12 +98,12 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
     """What came of it: a title and OUTCOME_LINES lines of text, all of it when unfolded. Where the camera is no
     longer what was solved, the title says so, and the way back takes the place of a line.
     """
-    last, note = context.window_manager.gssmc, camera.data.gssmc if camera else None
-    titles, icon, texts = _outcome(note, last.message)
-    changed = camera_solution.title(context.scene, camera) if camera and not jobs.active() else ""
+    last, props = context.window_manager.gssmc, camera.data.gssmc if camera else None
+    titles, icon, texts = _outcome(props, last.message)
+    changed = camera_solution.title(context.scene, camera) if camera and not slot.active() else ""
     room = wrapping.room_px(context, icon=True) - wrapping.ICON_PX  # of the arrow
     if changed:
-        below = 1 if last.message else 0  # the message stays first, with its icon
+        below = 1 if last.message else 0  # The message stays in the first line, with its icon.
         texts = [*texts[:below], titles[0], *texts[below:]]
         titles, icon = [changed], camera_props.VERDICT_ICONS[camera_solution.CHANGED]
     row = box.row()
@@ -109,7 +112,7 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
     column = _column_of_lines(box)
     if changed:
         column.operator("gssmc.back_to_solution", icon="LOOP_BACK")
-    icon = last.message_icon if last.message and not jobs.active() else "NONE"
+    icon = last.message_icon if last.message and not slot.active() else "NONE"
     if last.details:
         for text in texts or [""]:
             draw_text(box, context, text, icon=icon)
@@ -119,22 +122,22 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
         _draw_lines(column, wrapping.fitted(texts, wrapping.room_px(context, icon != "NONE"), count), icon)
 
 
-def _outcome(note: camera_props.GssmcCamera | None, message: str) -> tuple[list[str], str, list[str]]:
+def _outcome(props: camera_props.GssmcCamera | None, message: str) -> tuple[list[str], str, list[str]]:
     """Title (the longest first), icon and texts: of a job its progress, else the last message and the camera's verdict."""
-    job = jobs.active()
+    job = slot.active()
     if job:
         return [iface_("Working")], "TIME", [job.detail]
-    if note is None:
+    if props is None:
         titles, texts = [iface_("No photo yet")], [iface_("Import a splat and add a photo that was taken there.")]
-    elif note.verdict == "NONE":
+    elif props.verdict == "NONE":
         titles, texts = (
             [iface_("Not refined yet")],
-            [iface_("Bring the camera to about where the photo was taken, then refine.")],
+            [iface_("Find Camera looks for it in the scan; Refine Camera starts from where the camera stands.")],
         )
     else:
-        titles = [camera_props.verdict_title(note), iface_(camera_props.VERDICT_NAMES[note.verdict])]
-        texts = note.reasons.splitlines()
-    icon = camera_props.VERDICT_ICONS[note.verdict] if note and note.verdict != "NONE" else "BLANK1"
+        titles = [camera_props.verdict_title(props), iface_(camera_props.VERDICT_NAMES[props.verdict])]
+        texts = props.reasons.splitlines()
+    icon = camera_props.VERDICT_ICONS[props.verdict] if props and props.verdict != "NONE" else "BLANK1"
     return titles, icon, [message, *texts] if message else texts
 
 
@@ -206,6 +209,7 @@ class GSSMC_PT_settings(_Sidebar, bpy.types.Panel):
             column.prop(context.scene.gssmc, name)
             if name in settings_props.CHOICES:
                 _draw_missing_model(column, context, getattr(context.scene.gssmc, name))
+        column.prop(context.scene.gssmc, settings_props.MAP_VIEWS)
         self.layout.operator("gssmc.reset_settings", icon="LOOP_BACK")
 
 

@@ -30,30 +30,30 @@ LENS_STATES = (
 GUESSED, SOLVED, CALIBRATED = range(len(LENS_STATES))
 NOTHING_SAID = -1
 VERDICT_NAMES = {item[0]: item[1] for item in VERDICTS}
-# CHANGED: the camera is no longer what the verdict was of
+# CHANGED means that the camera is no longer the one that got the verdict.
 VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "FAILED": "ERROR", "CHANGED": "LOOP_BACK"}
 
 
-def verdict_title(note: GssmcCamera) -> str:
+def verdict_title(props: GssmcCamera) -> str:
     """One line for the panel: the verdict, with the iterations, or of a plate the frames, and the time that it took."""
-    values = {"verdict": iface_(VERDICT_NAMES[note.verdict]), "count": note.iterations_done, "seconds": note.seconds}
-    if note.frames_done:
-        values["count"] = note.frames_done
+    values = {"verdict": iface_(VERDICT_NAMES[props.verdict]), "count": props.iterations_done, "seconds": props.seconds}
+    if props.frames_done:
+        values["count"] = props.frames_done
         one = iface_("{verdict}: 1 frame, {seconds:.1f} s", **values)
-        return one if note.frames_done == 1 else iface_("{verdict}: {count} frames, {seconds:.1f} s", **values)
-    if note.iterations_done == 1:
+        return one if props.frames_done == 1 else iface_("{verdict}: {count} frames, {seconds:.1f} s", **values)
+    if props.iterations_done == 1:
         return iface_("{verdict}: 1 iteration, {seconds:.1f} s", **values)
     return iface_("{verdict}: {count} iterations, {seconds:.1f} s", **values)
 
 
-def note_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
+def keep_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
     """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none", which also forgets a solution."""
-    note = data.gssmc
-    note.lens_state = note.lens_state  # in a file of an older version it follows from the verdict, as long as nobody sets it
+    props = data.gssmc
+    props.lens_state = props.lens_state  # In a file of an older version this is derived from the verdict until it is set.
     if verdict == "none":
-        note.solution, note.solved_photo = "", None
-    note.verdict, note.reasons = verdict.upper(), "\n".join(reasons)
-    note.iterations_done, note.seconds, note.frames_done = iterations, seconds, 0
+        props.solution, props.solved_photo = "", None
+    props.verdict, props.reasons = verdict.upper(), "\n".join(reasons)
+    props.iterations_done, props.seconds, props.frames_done = iterations, seconds, 0
 
 
 def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
@@ -64,7 +64,7 @@ def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
 
 
 def _lens_state(self: GssmcCamera) -> int:
-    """What was said of the lens. Older versions kept only whether it was calibrated, and said so themselves when they had
+    """What was said of the lens. Older versions props only whether it was calibrated, and said so themselves when they had
     solved for it: there only a camera that was never refined has it from the user.
     """
     if self.lens_said != NOTHING_SAID:
@@ -76,7 +76,7 @@ def _lens_state(self: GssmcCamera) -> int:
 
 def _set_lens_state(self: GssmcCamera, state: int) -> None:
     self.lens_calibrated = state == CALIBRATED
-    self.lens_said = state  # last, for the line above sets it too
+    self.lens_said = state  # This comes last, because the update function of the line above sets it too.
 
 
 def _calibrated_set(self: GssmcCamera, context: bpy.types.Context) -> None:
@@ -95,7 +95,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name="Photo",
             description="The photograph taken by this camera",
             type=bpy.types.Image,
-            poll=lambda self, image: image.source != "VIEWER",  # Render Result and Viewer Node
+            poll=lambda self, image: image.source != "VIEWER",  # This leaves out Render Result and Viewer Node.
             update=_photo_picked,
         ),
         "mask": PointerProperty(
@@ -120,7 +120,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
             set=_set_lens_state,
         ),
         "lens_said": IntProperty(
-            name="Lens Said", description="The state of the lens as it was set; -1: nobody did", default=NOTHING_SAID
+            name="Lens Said", description="The state of the lens as it was set; -1: it was never set", default=NOTHING_SAID
         ),
         "lens_calibrated": BoolProperty(
             name="Calibrated", description="What files and scripts of older versions say of the lens", update=_calibrated_set
@@ -136,21 +136,19 @@ class GssmcCamera(bpy.types.PropertyGroup):
             name="Photo Pixel", description="Width over height of the photo's pixels; 0: the frame's", min=0
         ),
         "framed": PointerProperty(
-            name="Framed Photo", description="The photo whose size was last written down", type=bpy.types.Image
+            name="Framed Photo", description="The photo whose size was stored last", type=bpy.types.Image
         ),
         "photo_x": IntProperty(name="Photo X", description="Width of the photo in its own file; 0: unknown", min=0),
         "photo_y": IntProperty(name="Photo Y", description="Height of the photo in its own file; 0: unknown", min=0),
-        "solution": StringProperty(
-            name="Solution", description="What the camera was solved to be: a camera as JSON, with its verdict"
-        ),
+        "solution": StringProperty(name="Solution", description="The solved camera as JSON, with its verdict"),
         "solved_photo": PointerProperty(
             name="Solved Photo", description="The photo for which the camera was solved", type=bpy.types.Image
         ),
         "verdict": EnumProperty(name="Verdict", items=VERDICTS, default="NONE"),
-        "reasons": StringProperty(name="Reasons", description="Why, one sentence per line"),
+        "reasons": StringProperty(name="Reasons", description="The reasons for the verdict, one sentence per line"),
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
         "frames_done": IntProperty(name="Frames", description="Frames of the last refinement of a plate; 0: it was of a photo"),
-        "seconds": FloatProperty(name="Seconds", description="Wall time of the last refinement"),
+        "seconds": FloatProperty(name="Seconds", description="How long the last refinement took"),
         "bad_frames": StringProperty(
             name="Bad Frames", description="Frames of a plate that could not be refined and have no key"
         ),

@@ -8,13 +8,14 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ...core.features.nets.models import KNOWN, KnownModel, find_model, recognise
-from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS
+from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS, ExtractorKind, MatcherKind
 from ...core.render.memory import machine_bytes
 from ..support import log_file
 from ..support.texts import iface_, n_
 
-PACKAGE = __package__.rsplit(".", 2)[0]  # the extension's own, by which Blender keeps its preferences
-LEARNED = {name: kind for name, kind in {**EXTRACTORS, **MATCHERS}.items() if kind.needs_model}
+PACKAGE = __package__.rsplit(".", 2)[0]  # The package name under which Blender stores the extension's preferences.
+_KINDS: dict[str, ExtractorKind | MatcherKind] = {**EXTRACTORS, **MATCHERS}
+LEARNED = {name: kind for name, kind in _KINDS.items() if kind.needs_model}
 ONLINE_HINT = n_("Downloads need Allow Online Access in Preferences > System")
 NO_ADDRESS = n_("No address is set: put the file in by hand, or ask your studio where its models lie")
 AUTO_MODEL = "aliked"
@@ -23,7 +24,11 @@ PRESET_ITEMS = (
     ("7scenes", "7-Scenes", "The paper's settings for rooms; the scan's unit must be the metre"),
     ("cambridge", "Cambridge", "The paper's settings for outdoors; the scan's unit must be the metre"),
 )
-_log_trouble = [""]  # what is wrong with the log file
+MAP_PLACES = (
+    ("CACHE", "Cache Folder", "In the user's folder for files that can be made again"),
+    ("SCAN", "Beside the Scan", "In the folder of the scan's file, where other machines find them too"),
+)
+_log_trouble = [""]  # Says what is wrong with the log file; empty when nothing is.
 
 
 def of(context: bpy.types.Context) -> bpy.types.AddonPreferences | None:
@@ -48,6 +53,12 @@ def preset(context: bpy.types.Context) -> str:
     """The preset that new scenes begin with; "NONE" for the standard settings."""
     own = of(context)
     return own.default_preset if own else "NONE"
+
+
+def maps_beside_scans(context: bpy.types.Context) -> bool:
+    """Whether maps of scans are to lie beside them."""
+    own = of(context)
+    return own is not None and own.map_place == "SCAN"
 
 
 def model_folder(create: bool = False) -> Path:
@@ -88,7 +99,10 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
 
     __annotations__ = {
         "threads": IntProperty(
-            name="Threads", min=0, max=256, description="Views drawn side by side where a scene says 0; 0: one per core"
+            name="Threads",
+            min=0,
+            max=256,
+            description="Views rendered at the same time where a scene's own value is 0; 0: one per processor core",
         ),
         "memory_limit_gb": FloatProperty(
             name="Memory Limit (GB)",
@@ -99,8 +113,16 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
         "default_preset": EnumProperty(
             name="Default Preset", items=PRESET_ITEMS, description="Settings of a scene when it gets its first splat"
         ),
+        "map_place": EnumProperty(
+            name="Maps",
+            items=MAP_PLACES,
+            description="Where Find Camera keeps the maps of scans, so that only the first photo of a scan waits for one",
+        ),
         "log_file": StringProperty(
-            name="Log File", subtype="FILE_PATH", update=_log_changed, description="Where the engine's log goes; empty: nowhere"
+            name="Log File",
+            subtype="FILE_PATH",
+            update=_log_changed,
+            description="The file that the engine's log is written to; empty: none",
         ),
         **{
             f"model_{name}": StringProperty(
@@ -123,6 +145,9 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
             column.prop(self, name)
         if _log_trouble[0] and self.log_file:
             column.label(text=_log_trouble[0], icon="ERROR")
+        row = column.row(align=True)
+        row.prop(self, "map_place")
+        row.operator("gssmc.clear_maps", text="Clear", icon="TRASH")
         column.operator("gssmc.report_problem", icon="COPYDOWN")
         layout.label(text="SIFT, AKAZE and ORB need nothing. Learned features need a model file each:")
         for name in LEARNED:

@@ -6,6 +6,7 @@ The state of a running job is not among it (see jobs): a saved file never says t
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
@@ -16,13 +17,13 @@ from ..photo import list as photo_list
 from ..photo.entry import GssmcPhoto
 from ..preview import state as preview_state
 from ..splat import object as splat_object
-from . import preferences
+from . import preferences, settings
 from .camera_props import GssmcCamera
 from .settings import MODEL_OF, quality_annotation, settings_annotations
 
 
 def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
-    """A line of the list was clicked: its camera becomes the one that is looked through, and its verdict what is told."""
+    """A line of the list was clicked: the viewport looks through its camera, and the panel shows its verdict."""
     context.window_manager.gssmc.tell("")
     photo_list.show(context, self.id_data)
 
@@ -30,7 +31,7 @@ def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
 def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
     """A scene's first splat brings the preferences' preset, for settings that nobody has touched."""
     if self.splat:
-        context.window_manager.gssmc.tell("")  # that there was none, or one no longer in the scene
+        context.window_manager.gssmc.tell("")  # The message may have been that there was no splat.
     preset = PRESETS.get(preferences.preset(context))
     names = [option.name for option in fields(RefineSettings) if option.name not in MODEL_OF]
     if self.splat and preset and not any(self.is_property_set(name) for name in names):
@@ -51,8 +52,9 @@ class GssmcScene(bpy.types.PropertyGroup):
             update=_splat_picked,
         ),
         "photos": CollectionProperty(type=GssmcPhoto),
-        "photo_index": IntProperty(name="Photo", description="The photo that is looked at", min=0, update=_photo_clicked),
+        "photo_index": IntProperty(name="Photo", description="The selected photo of the list", min=0, update=_photo_clicked),
         "quality": quality_annotation(),
+        "map_views": settings.map_views_annotation(),
         **settings_annotations(),
     }
 
@@ -60,19 +62,22 @@ class GssmcScene(bpy.types.PropertyGroup):
 class GssmcWindow(bpy.types.PropertyGroup):
     """On the window manager, hence never saved: the last message of an operator, and panel state."""
 
+    if TYPE_CHECKING:  # Declared for mypy, because `tell` assigns them.
+        message: str
+        message_icon: str
+
     __annotations__ = {
-        "message": StringProperty(name="Message", description="What the last operation said"),
+        "message": StringProperty(name="Message", description="The message of the last operation"),
         "message_icon": StringProperty(name="Icon", default="INFO"),
-        "details": BoolProperty(
-            name="Details", description="Show all that is to be said of the camera, and not only the beginning"
-        ),
+        "details": BoolProperty(name="Details", description="Show the whole text on the camera, and not only its beginning"),
         "preview": PointerProperty(type=preview_state.GssmcPreview),
     }
 
     def tell(self, message: str, icon: str = "INFO") -> None:
-        """Sets the message. The same again is not written, for Blender draws the whole window anew then."""
-        if (self.message, self.message_icon) != (message, icon):
-            self.message, self.message_icon = message, icon
+        """Sets the message, but not to the same value, which would make Blender redraw the whole window."""
+        if self.message != message or self.message_icon != icon:
+            self.message = message
+            self.message_icon = icon
 
 
 classes = (GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
@@ -80,7 +85,7 @@ classes = (GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, Gssm
 
 @bpy.app.handlers.persistent
 def _after_undo(*_: object) -> None:
-    """What the last operation said is no longer so: undo takes back its result, and knows nothing of the message."""
+    """Clears the message: undo takes back the operation that it was about, but not the message."""
     for manager in bpy.data.window_managers:
         manager.gssmc.tell("")
 

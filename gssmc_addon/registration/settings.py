@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
+from ...core.locate import MapSettings
 from ...core.pose.presets import QUALITIES
 from ...core.pose.settings import RefineSettings
 from ...core.support.options import Option, options_of
@@ -19,14 +21,15 @@ def _sentence(text: str) -> str:
 
 
 OPTIONS = options_of(RefineSettings)
-TITLES = {  # where the field's own name does not fit into the sidebar
+TITLES = {  # Short titles for fields whose own name does not fit into the sidebar.
     "final_long_side_px": "Final Side (px)",
     "perturb_translation_ratio": "Shift (ratio)",
     "perturb_translation_units": "Shift (units)",
     "perturb_rotation_deg": "Turn (deg)",
 }
-LENS = "lens"  # stands in the Lens panel, and belongs to no quality
-MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # model file -> the choice that it belongs to
+MAP_VIEWS = "map_views"  # It belongs to Find Camera and is not part of a quality.
+LENS = "lens"  # It is shown in the Lens panel and is not part of a quality.
+MODEL_OF = {"model": "features", "matcher_model": "matcher"}  # Maps a model file's field to the choice that it belongs to.
 QUALITY_ITEMS = (
     ("DRAFT", "Draft", "Fewer views of smaller pictures: for a first look, and for going through many photos quickly", 0),
     ("NORMAL", "Normal", "GS-SMC's own settings", 1),
@@ -49,8 +52,8 @@ def _title(name: str) -> str:
     return f"{words} ({unit})" if unit else words
 
 
-def _limits(option: Option) -> dict[str, float]:
-    """What may be typed, which is just what the engine accepts, and what a slider offers."""
+def _limits(option: Option) -> dict[str, Any]:
+    """The limits for typing, which are those of the engine, and those of the slider."""
     if option.low is None or option.high is None:
         return {}
     soft_low = option.low if option.soft_low is None else option.soft_low
@@ -58,8 +61,8 @@ def _limits(option: Option) -> dict[str, float]:
     return {"min": option.low, "max": option.high, "soft_min": soft_low, "soft_max": soft_high}
 
 
-def quality_annotation() -> EnumProperty:
-    """What is chosen instead of single settings. It keeps nothing of its own: it is read from the settings, and sets them."""
+def quality_annotation() -> Any:
+    """The choice of a quality. It stores no value: it is read from the settings and sets them."""
     return EnumProperty(
         name="Quality",
         items=QUALITY_ITEMS,
@@ -86,11 +89,27 @@ def _set_quality(owner: bpy.types.bpy_struct, number: int) -> None:
             setattr(owner, name, value)
 
 
+def map_views_annotation() -> object:
+    """How many views the map of a scan has at most."""
+    low, high = MapSettings.__dataclass_fields__["views"].metadata["range"]
+    return IntProperty(
+        name="Map Views",
+        description="Views of the scan that the map of Find Camera has at most. More find photos of more places, and take "
+        "longer; only as many are made as the photo needs",
+        default=MapSettings().views,
+        min=low,
+        max=high,
+        soft_min=10,
+        soft_max=400,
+    )
+
+
 def reset(owner: bpy.types.bpy_struct) -> None:
     """Gives all settings, but for the lens, which has a panel of its own, the engine's defaults."""
     for name in settings_annotations():
         if name != LENS:
             owner.property_unset(name)
+    owner.property_unset(MAP_VIEWS)
 
 
 def settings_annotations() -> dict[str, object]:
@@ -102,7 +121,7 @@ def settings_annotations() -> dict[str, object]:
         if field.name in MODEL_OF:
             continue
         option = OPTIONS[field.name]
-        common = {"name": _title(field.name), "description": _sentence(option.help), "default": field.default}
+        common: dict[str, Any] = {"name": _title(field.name), "description": _sentence(option.help), "default": field.default}
         if option.choices:
             annotations[field.name] = EnumProperty(items=CHOICES[field.name], **common)
         elif isinstance(field.default, bool):
@@ -125,13 +144,13 @@ def model_annotations() -> dict[str, object]:
 
 
 def settings_from(
-    owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None, **fixed: object
+    owner: bpy.types.bpy_struct, overrides: bpy.types.OperatorProperties | None = None, **fixed: Any
 ) -> RefineSettings:
     """RefineSettings from `owner`'s properties; those set explicitly on `overrides` win, and `fixed` wins over both.
 
     Model files are the preferences'.
     """
-    values = {}
+    values: dict[str, Any] = {}
     for option in fields(RefineSettings):
         if option.name in MODEL_OF:
             given = bpy.path.abspath(getattr(overrides, option.name)) if overrides else ""

@@ -42,7 +42,8 @@ class SplatCopy:
             sh[:, k + 1] = band
         opacities = self.base[:, 3].copy()
         try:
-            return GaussianScene.checked(self.means, self.scales, self.rotations, opacities, sh, "Blender point cloud")
+            scene = GaussianScene(self.means, self.scales, self.rotations, opacities, sh, format="Blender point cloud")
+            return scene.checked()
         except SplatFormatError:
             raise SplatFormatError(
                 n_("Every Gaussian of the splat object holds a value that is not finite; import the file again.")
@@ -70,7 +71,7 @@ class SplatCopying:
         for name, components in self._wanted:
             check_attribute(obj.data, name, components)
         self._name, self._uids = obj.name, (obj.session_uid, obj.data.session_uid)
-        self._room: list[np.ndarray] = []  # one array per attribute, and one to compare with; grown by the thread
+        self._room: list[np.ndarray] = []  # One array per attribute and one to compare with; the thread adds them.
         self._copied = self._compared = 0
         self._stopped, self._no_room = threading.Event(), threading.Event()
 
@@ -121,7 +122,8 @@ class SplatCopying:
         pairs = zip(self._room, self._wanted, strict=False)
         arrays = [array.reshape(self._count, components) for array, (_, components) in pairs]
         self._room = []
-        return SplatCopy(*arrays[: len(SHAPE)], tuple(arrays[len(SHAPE) :]))
+        means, scales, rotations, base, *bands = arrays
+        return SplatCopy(means, scales, rotations, base, tuple(bands))
 
     def _make_room(self, compare: bool = True) -> None:
         try:
@@ -129,7 +131,7 @@ class SplatCopying:
                 if self._stopped.is_set():
                     return
                 array = np.empty(self._count * components, np.float32)
-                array.fill(0.0)  # only now is the memory really there
+                array.fill(0.0)  # Writing makes the system really provide the memory.
                 self._room.append(array)
         except MemoryError:
             self._no_room.set()

@@ -1,4 +1,4 @@
-"""How a splat object shows where nobody draws its Gaussians (see viewport): coloured points, sized like the Gaussians.
+"""The look of a splat object where its Gaussians are not drawn (see viewport): coloured points as large as the Gaussians.
 
 Only a look: nothing here is read back. A material turns the splats' base colour into light, so that Material Preview and
 Rendered show the scan; `radius` gives the points their size.
@@ -14,10 +14,10 @@ from .object import BASE
 
 MATERIAL = "GS-SMC Splat Colour"
 SH_C0 = 0.28209479177387814
-DISPLAY_GAMMA = 2.2  # splat colours are display-encoded, emission wants linear light
+DISPLAY_GAMMA = 2.2  # Splat colours are display-encoded, while an emission shader takes linear light.
 RADIUS_SIGMAS = 1.2
-LARGEST_SHOWN = 0.98  # quantile; the few huge Gaussians of a far background would hide what lies behind
-MIN_SHOWN_OPACITY = 0.1  # haze would look like solid balls
+LARGEST_SHOWN = 0.98  # A quantile: the few huge Gaussians of a far background would hide what lies behind them.
+MIN_SHOWN_OPACITY = 0.1  # Drawn as points, Gaussians of low opacity would look like solid balls.
 
 
 def point_radius(scene: GaussianScene) -> np.ndarray:

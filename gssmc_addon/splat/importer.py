@@ -48,7 +48,7 @@ def describe(path: str) -> list[str]:
 
 
 def _axes_told(info: SplatInfo) -> str:
-    """Few files say which way is up; of the others it is a guess, and told as one."""
+    """The up axis as a sentence, which says whether the file declares it or it is a guess."""
     axes = iface_(AXIS_WORDS[info.orientation])
     if info.declared:
         return iface_("Up axis: {axes}, as the file says", axes=axes)
@@ -68,14 +68,14 @@ class ReadSplat:
 
 
 @dataclass(frozen=True)
-class Look:
+class SplatDisplay:
     """What only the display needs: point radius (N,), and the viewport's tables where the extension draws splats itself."""
 
     radius: np.ndarray
     viewport: viewport_clouds.Prepared | None
 
     @classmethod
-    def of(cls, read: ReadSplat, viewport: bool) -> Look:
+    def of(cls, read: ReadSplat, viewport: bool) -> SplatDisplay:
         """`viewport`: whether this Blender has one in which the extension draws splats."""
         arrays = read.scene.means, read.scene.scales, read.scene.rotations, read.base
         return cls(splat_display.point_radius(read.scene), viewport_clouds.prepare(arrays) if viewport else None)
@@ -98,7 +98,7 @@ def add_splat(
     building = Building(name, read, Placement(orientation))
     while not building.step():
         pass
-    return building.finish(context, Look.of(read, viewport_props.is_drawable()))
+    return building.finish(context, SplatDisplay.of(read, viewport_props.is_drawable()))
 
 
 class Building:
@@ -108,11 +108,11 @@ class Building:
     """
 
     def __init__(self, name: str, read: ReadSplat, placement: Placement) -> None:
-        self._name, self._scene, self._placement = name, read.scene, placement
+        self.scene, self._name, self._placement = read.scene, name, placement
         cloud = cloud_size.new_cloud(name, len(read.scene))
         self._uid = cloud.session_uid
         self._attributes = splat_object.splat_attributes(read.scene, read.base)
-        self._made = self._done = 0  # attributes: there with any values, and written
+        self._made = self._done = 0  # How many attributes exist, and how many of them are filled.
 
     @property
     def fraction(self) -> float:
@@ -134,9 +134,9 @@ class Building:
         self._done += 1
         return self._done == len(self._attributes)
 
-    def finish(self, context: bpy.types.Context, look: Look) -> bpy.types.Object:
+    def finish(self, context: bpy.types.Context, look: SplatDisplay) -> bpy.types.Object:
         """The object, placed, linked, active and picked."""
-        cloud, place, scene = self._cloud(), self._placement, self._scene
+        cloud, place, scene = self._cloud(), self._placement, self.scene
         splat_object.set_native_type(cloud)
         if not splat_object.is_native(cloud):
             splat_display.dress_splat(cloud, look.radius)

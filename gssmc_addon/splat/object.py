@@ -6,6 +6,8 @@ attribute per SH coefficient above degree 0. Positions stay in the file's coordi
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 import bpy
 import numpy as np
 
@@ -19,7 +21,7 @@ REQUIRED = ("position", "scale", "rotation", BASE)
 COMPONENTS = {"FLOAT_VECTOR": 3, "QUATERNION": 4, "FLOAT_COLOR": 4, "FLOAT4": 4}
 
 
-def is_splat(obj: bpy.types.Object | None) -> bool:
+def is_splat(obj: bpy.types.Object | None) -> TypeGuard[bpy.types.Object]:
     """True for a point cloud object in the layout above, whoever made it; cheap enough for a panel's draw()."""
     return obj is not None and obj.type == "POINTCLOUD" and is_splat_cloud(obj.data)
 
@@ -28,14 +30,18 @@ def is_splat_cloud(cloud: bpy.types.PointCloud) -> bool:
     return all(name in cloud.attributes for name in REQUIRED)
 
 
-def check_picked(scene: bpy.types.Scene, splat: bpy.types.Object | None) -> None:
-    """Raises RefineError when there is no splat to work on, or the user has deleted it (the pick keeps it in the file)."""
+def picked(scene: bpy.types.Scene, splat: bpy.types.Object | None) -> bpy.types.Object:
+    """The splat to work on.
+
+    Raises RefineError when none is picked, or when the user has deleted it (the pick keeps it in the file).
+    """
     if splat is None:
         raise RefineError(rpt_("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel."))
     if splat.name not in scene.objects:
         raise RefineError(
             rpt_('The splat "{name}" is no longer in the scene; import one, or pick another in the panel.', name=splat.name)
         )
+    return splat
 
 
 def splat_attributes(scene: GaussianScene, base: np.ndarray) -> list[tuple[str, str, np.ndarray]]:
@@ -96,7 +102,8 @@ def _value_name(attribute: bpy.types.Attribute) -> str:
     if attribute.data_type in kinds:
         return kinds[attribute.data_type]
     names = attribute.data[0].bl_rna.properties
-    return next(name for name in ("vector", "value", "color") if name in names)  # FLOAT4: young, hence looked up
+    # Older versions have no FLOAT4, hence the lookup.
+    return next(name for name in ("vector", "value", "color") if name in names)
 
 
 def _base_type() -> str:

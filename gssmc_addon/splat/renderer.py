@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 from ...core.render import ProcessRenderer, Renderer, RenderSettings
+from ...core.splats.scene import GaussianScene
 from .copy import SplatCopying
 
 
@@ -14,24 +15,28 @@ class SplatRenderer:
 
     `threads`, 0 = one per core: of a refinement, which draws its views side by side in processes of their own (and leaves
     Blender its interpreter), or of a `single` view at a time, whose rendering can be stopped.
+    `keeps`: the Gaussians stay in `scene`.
     """
 
-    def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False) -> None:
-        self._copying: SplatCopying | None = copying
-        self._threads, self._single = threads, single
+    def __init__(self, copying: SplatCopying, threads: int = 0, single: bool = False, keeps: bool = False) -> None:
+        self._copying: SplatCopying | None = copying  # None once the renderer is made.
+        self._threads, self._single, self._keeps = threads, single, keeps
+        self.scene: GaussianScene | None = None  # Set once the renderer is made.
         self._renderer: Renderer | ProcessRenderer | None = None
+        self._processes: ProcessRenderer | None = None  # The renderer, if it is one that draws in processes.
         self._closed = False
         self._lock = threading.Lock()
 
     def get(self) -> Renderer | ProcessRenderer:
         """The renderer. Raises SplatFormatError, as `SplatCopy.assemble`. One thread at a time."""
         if self._renderer is None:
+            assert self._copying is not None, "it goes only when the renderer is made"
             scene = self._copying.copy().assemble()
             settings = RenderSettings.for_scene(scene, threads=self._threads)
-            renderer = Renderer(scene, settings) if self._single else ProcessRenderer(scene, settings, spare=True)
-            self._copying = None
+            processes = None if self._single else ProcessRenderer(scene, settings, interactive=True)
+            self._copying, self.scene = None, scene if self._keeps else None
             with self._lock:
-                self._renderer = renderer
+                self._renderer, self._processes = processes or Renderer(scene, settings), processes
             if self._closed:
                 self.close()
         return self._renderer
@@ -39,6 +44,6 @@ class SplatRenderer:
     def close(self) -> None:
         """Ends the processes; a refinement that still draws ends with Cancelled. Any thread, also before `get`."""
         with self._lock:
-            self._closed, renderer = True, self._renderer
-        if renderer and not self._single:
-            renderer.close()
+            self._closed, processes = True, self._processes
+        if processes:
+            processes.close()

@@ -31,7 +31,7 @@ class PlainOperator(Reporter):
         except Exception as error:
             log.exception("The work broke off")
             self.refuse(sentence(error))
-            return {"FINISHED"}  # it may have come in the middle of writing, and so it can be undone
+            return {"FINISHED"}  # It may have come in the middle of writing; finishing gives an undo step.
 
     def refuse(self, message: str) -> set[str]:
         self.report({"ERROR"}, message)

@@ -27,8 +27,8 @@ from ..splat import object as splat_object
 MODULES = ("numpy", "cv2", "scipy", "plyfile")
 TOLD = ("width", "height", "verdict", "reasons", "details", "iterations", "seconds", "quality", "stage", "lens")  # of a report
 TOLD_OF_ITERATION = ("views_used", "matches", "inliers", "rms_px_of_photo")
-QUOTED = re.compile(r"\"[^\"\n]*\"|(?<!\w)'[^'\n]*'(?!\w)")  # names and paths stand in quotes; an apostrophe is none
-PATHS = re.compile(r"\S*[\\/](?:.*[\\/])?\S*")  # from the first path of a line to the last, whatever stands between
+QUOTED = re.compile(r"\"[^\"\n]*\"|(?<!\w)'[^'\n]*'(?!\w)")  # Names and paths stand in quotes; an apostrophe does not open one.
+PATHS = re.compile(r"\S*[\\/](?:.*[\\/])?\S*")  # Everything from the first path of a line to the last is removed.
 
 
 class _Last:
@@ -97,12 +97,12 @@ def _splat(scene: bpy.types.Scene) -> str:
     if not splat_object.is_splat(splat):
         return "none"
     bands, others = splat_object.sh_coefficients(splat), sum(splat_object.is_splat(o) for o in scene.objects if o != splat)
-    words = f"{len(splat.data.points):,} Gaussians, {bands} SH coefficients"
-    return f"{words}; {others} other splats in the scene" if others else words
+    told = f"{len(splat.data.points):,} Gaussians, {bands} SH coefficients"
+    return f"{told}; {others} other splats in the scene" if others else told
 
 
 def _summary() -> str:
-    """What the last job was, and what came of it."""
+    """Describes the last job and its result."""
     if not _last.job:
         return "none in this session"
     counts = Counter(report.verdict for report in _last.reports.values())

@@ -1,4 +1,4 @@
-"""Words that are put together at run time, in the user's language.
+"""Texts that are put together at run time, in the user's language.
 
 Names, labels and descriptions of what is registered, and plain texts of a layout, Blender looks up by itself. A sentence with
 values in it it cannot know: here its template is looked up, and filled in afterwards. The functions have the names by which
@@ -46,5 +46,5 @@ def _filled(found: str, template: str, values: dict[str, object]) -> str:
         return found
     try:
         return found.format(**values)
-    except (LookupError, ValueError, TypeError, AttributeError):  # a dictionary's mistake must not cost the user's work
+    except (LookupError, ValueError, TypeError, AttributeError):  # A mistake in a translation must not cost the user's work.
         return template.format(**values)

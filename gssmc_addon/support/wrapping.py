@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import blf
 import bpy
 
-FONT_POINTS = 11  # of Blender's labels at a scale of 1
-MARGIN_PX = 62  # of the sidebar's width at a scale of 1: its tabs, and the frames of panel and box
+FONT_POINTS = 11  # The size of Blender's labels at a scale of 1.
+MARGIN_PX = 62  # What tabs, panel and box take of the sidebar's width at a scale of 1.
 ICON_PX = 22
 MORE = " \u2026"
 
@@ -33,7 +33,7 @@ def lines(text: str, room: float) -> list[str]:
 
 
 def _broken(word: str, room: float) -> list[str]:
-    """The word in parts that fit, of one letter at least."""
+    """The word in parts that fit, each with at least one letter."""
     parts = []
     while len(word) > 1 and not fits(word, room):
         count = next((n for n in range(len(word) - 1, 1, -1) if fits(word[:n], room)), 1)

@@ -96,7 +96,7 @@ class Canvas:
         elif self._work is None or self._work.key != key:
             self._work = _Work(key, draw, depth.ground(shrink), moving)
             budget.begin()
-            if draw.count <= budget.slice:  # no need to wait for another redraw
+            if draw.count <= budget.slice:  # The picture is small enough to be drawn in this redraw.
                 self.advance(painter, budget)
 
     def lay_over(self, painter: Painter, opacity: float, before: Sequence[Before] = ()) -> None:
@@ -107,7 +107,8 @@ class Canvas:
         for buffer in (self._shown, self._next):
             if buffer:
                 buffer.free()
-        self.__init__()
+        self._shown = self._next = self._work = None
+        self._shown_key = None
 
     def _paint_at_once(self, painter: Painter, draw: SplatDraw, ground: Ground, budget: Budget) -> None:
         self._shown = _sized(self._shown, ground.size)
@@ -128,7 +129,7 @@ class Canvas:
             return False
         part = work.part(budget.slice)
         start = time.perf_counter()
-        if work.done == 0:
+        if work.done == 0 or self._next is None:
             self._next = _sized(self._next, work.ground.size)
         with self._next.bind():
             if work.done == 0:
@@ -153,7 +154,7 @@ def _sized(buffer: gpu.types.GPUOffScreen | None, size: Size) -> gpu.types.GPUOf
         if buffer:
             buffer.free()
         buffer = gpu.types.GPUOffScreen(*size, format="RGBA16F")
-        buffer.texture_color.filter_mode(True)  # a shrunken picture is stretched
+        buffer.texture_color.filter_mode(True)  # A picture of reduced size is enlarged when it is shown.
     return buffer
 
 

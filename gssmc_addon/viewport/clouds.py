@@ -20,14 +20,14 @@ from .gpu import SplatTextures
 from .thread import BackThread
 
 ATTRIBUTES = (("position", 3), ("scale", 3), ("rotation", 4), (splat_object.BASE, 4))
-LIMIT = 4096 * 16384  # what tables of the usual largest texture hold
+LIMIT = 4096 * 16384  # As many as fit into tables of the largest usual texture size.
 
 
 @dataclass(frozen=True)
 class Prepared:
     """Tables with the checksum of the arrays that they were made of."""
 
-    tables: SplatTables | None  # None: the arrays are the ones known already
+    tables: SplatTables | None  # None when the arrays have not changed.
     checksum: int
 
 
@@ -36,7 +36,9 @@ def prepare(arrays: tuple[np.ndarray, ...], known: int | None = None) -> Prepare
     checksum = 0
     for array in arrays:
         checksum = zlib.crc32(np.ascontiguousarray(array, np.float32), checksum)
-    return Prepared(None if checksum == known else build_tables(*arrays, LIMIT), checksum)
+    means, scales, rotations, base = arrays
+    tables = None if checksum == known else build_tables(means, scales, rotations, base, LIMIT)
+    return Prepared(tables, checksum)
 
 
 @dataclass
@@ -54,7 +56,8 @@ class Clouds:
     def __init__(self, thread: BackThread) -> None:
         self._thread = thread
         self._clouds: dict[int, _Cloud] = {}
-        self._versions = itertools.count(1)  # over all splats: one that comes back by redo is never taken for another
+        # Counted over all splats, so that one that comes back by redo is never mistaken for another.
+        self._versions = itertools.count(1)
 
     def get(self, uid: int) -> tuple[SplatTextures | None, int]:
         """Textures, or None until there are some, and their version; asking makes a splat known."""
@@ -102,11 +105,11 @@ class Clouds:
         name, width = ATTRIBUTES[len(arrays)]
         try:
             arrays.append(splat_object.read_attribute(block, name, width))
-        except (SplatFormatError, KeyError):  # edited so that it is none any more
+        except (SplatFormatError, KeyError):  # It was edited and is no splat any more.
             cloud.stale, cloud.reading, cloud.textures = False, None, None
             return
         cloud.reading = arrays
-        if len({len(array) for array in arrays}) > 1:  # points were added or removed meanwhile: from the start
+        if len({len(array) for array in arrays}) > 1:  # Points were added or removed meanwhile, so reading starts again.
             cloud.reading = None
         elif len(arrays) == len(ATTRIBUTES):
             cloud.stale, cloud.reading = False, None

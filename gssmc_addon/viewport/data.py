@@ -14,11 +14,11 @@ from ...core.render.project import ascending_order
 from ...core.render.view import INRIA_NEAR, NEAR_RATIO
 from ...core.splats.activate import SH_C0
 
-TABLE_WIDTH = 4096  # texels; a height of 16384 then holds 67 million Gaussians
+TABLE_WIDTH = 4096  # In texels; with a height of 16384 a table holds 67 million Gaussians.
 CHUNK = 1 << 17
 SEED = 0
 LARGEST_BOOST = 2.0
-SAMPLE = 20_000  # points that the near plane is judged by
+SAMPLE = 20_000  # How many points the near plane is estimated from.
 
 
 @dataclass(frozen=True)
@@ -47,19 +47,19 @@ def build_tables(means: np.ndarray, scales: np.ndarray, rotations: np.ndarray, b
     place, shape, color = (np.zeros((-(-max(count, 1) // TABLE_WIDTH) * TABLE_WIDTH, 4), np.float32) for _ in range(3))
     for start in range(0, count, CHUNK):
         part = chosen[start : start + CHUNK]
-        at = slice(start, start + len(part))
-        place[at, :3] = means[part]
-        place[at, 3] = np.clip(base[part, 3], 0, 1)
+        rows = slice(start, start + len(part))
+        place[rows, :3] = means[part]
+        place[rows, 3] = np.clip(base[part, 3], 0, 1)
         cov = _covariances(scales[part], rotations[part])
-        shape[at] = cov[:4].T
-        color[at, :2] = cov[4:].T
-        color[at, 2] = _packed_colours(base[part, :3])
-        bad = ~np.isfinite(np.concatenate([place[at], shape[at], color[at]], axis=1)).all(axis=1)
+        shape[rows] = cov[:4].T
+        color[rows, :2] = cov[4:].T
+        color[rows, 2] = _packed_colours(base[part, :3])
+        bad = ~np.isfinite(np.concatenate([place[rows], shape[rows], color[rows]], axis=1)).all(axis=1)
         for table in (place, shape, color):
-            table[at][bad] = 0.0
+            table[rows][bad] = 0.0
     shuffled = np.ascontiguousarray(place[:count, :3])
-    whole = (table.reshape(-1, TABLE_WIDTH, 4) for table in (place, shape, color))
-    return SplatTables(count, shuffled, *whole, near_distance(shuffled))
+    places, shapes, colors = (table.reshape(-1, TABLE_WIDTH, 4) for table in (place, shape, color))
+    return SplatTables(count, shuffled, places, shapes, colors, near_distance(shuffled))
 
 
 def _covariances(scales: np.ndarray, rotations: np.ndarray) -> np.ndarray:
@@ -83,7 +83,7 @@ def _packed_colours(dc: np.ndarray) -> np.ndarray:
 
 
 def near_distance(means: np.ndarray) -> float:
-    """As RenderSettings.for_scene, of a sample: the first means, whose order is random."""
+    """The near distance as RenderSettings.for_scene computes it, from a sample: the first means, whose order is random."""
     some = means[:SAMPLE]
     if not len(some):
         return INRIA_NEAR
@@ -95,7 +95,8 @@ def back_to_front(means: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Indices of `means` (n, 3) from the farthest to the nearest, as float32, when the view looks along -`direction`."""
     height = means @ direction.astype(np.float32)
     height -= height.min()
-    return ascending_order(height).astype(np.float32)  # the nearest stand highest along `direction`, and are drawn last
+    # The nearest have the largest value along `direction` and are drawn last.
+    return ascending_order(height).astype(np.float32)
 
 
 def order_table(order: np.ndarray) -> np.ndarray:

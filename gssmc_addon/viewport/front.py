@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 MOST = 4  # as many as the shader takes
-STILL = ("FILE", "GENERATED")  # of the others only Blender knows which frame shows
+STILL = ("FILE", "GENERATED")  # Of all other sources only Blender knows which frame is shown.
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class FrontPicture:
 
 
 def front_pictures(context: bpy.types.Context) -> list[FrontPicture]:
-    """Those of the viewport, the lowest first; of very many the uppermost."""
+    """The viewport's pictures from the lowest to the uppermost; of very many only the uppermost."""
     space, region = context.space_data, context.region_data
     camera = space.camera if region.view_perspective == "CAMERA" else None
     if camera is None or camera.type != "CAMERA" or not camera.data.show_background_images or not space.overlay.show_overlays:
@@ -40,7 +40,7 @@ def front_pictures(context: bpy.types.Context) -> list[FrontPicture]:
     return [picture for picture in found if picture is not None][-MOST:]
 
 
-def _border(scene: bpy.types.Scene, data: bpy.types.Camera, projection: object) -> np.ndarray:
+def _border(scene: bpy.types.Scene, data: bpy.types.Camera, projection: Matrix) -> np.ndarray:
     """Lower left and upper right corner (2, 2) of the camera's frame, in 0..1 of the region."""
     corners = []
     for corner in data.view_frame(scene=scene):
@@ -77,7 +77,7 @@ def place_of(slot: bpy.types.CameraBackgroundImage, aspect: float, border: np.nd
     turn, square = np.array([[cos, sin], [-sin, cos]]), np.array([size[0] / size[1], 1.0])
     linear = np.diag(1 / square) @ turn @ np.diag(square * fit * flips * slot.scale)
     inverse = np.linalg.inv(linear if abs(np.linalg.det(linear)) > 1e-12 else np.eye(2) * 1e-6)
-    # Region -> the frame's -1..1 -> the picture's -1..1 -> its 0..1.
+    # From the region to the frame's -1..1, to the picture's -1..1, to the picture's 0..1.
     to_frame = np.diag(2 / (border[1] - border[0]))
     shift = -to_frame @ border.mean(axis=0) - 2 * np.array(slot.offset) * (1.0, square[0] / aspect)
     return np.column_stack([0.5 * inverse @ to_frame, 0.5 + 0.5 * inverse @ shift])

@@ -101,7 +101,7 @@ class Before:
 
 
 class Painter:
-    """The shaders; made inside a draw, where a GPU context exists. Raises what Blender raises when they do not compile."""
+    """The shaders; made inside a draw, where a GPU context exists. Raises Blender's own exception when they do not compile."""
 
     def __init__(self) -> None:
         self._splat, self._overlay = _splat_shader(), _overlay_shader()
@@ -118,7 +118,8 @@ class Painter:
         shader = self._splat
         shader.bind()
         shader.uniform_sampler("depth_tex", ground.depth or self._no_depth)
-        block = _view_block(draw, ground, part.start)  # kept until the draw: the shader does not hold it
+        # The buffer has to live until the draw, because the shader does not hold it.
+        block = _view_block(draw, ground, part.start)
         shader.uniform_block("view", block)
         shader.uniform_sampler("order_tex", draw.order)
         for name, item in draw.textures.samplers.items():
@@ -129,7 +130,7 @@ class Painter:
     def with_textures(self, pictures: Sequence[FrontPicture]) -> list[Before]:
         """The pictures with their textures, inside a draw of their viewport."""
         screen, found = None, []
-        self._overlay.bind()  # making a texture of an image ends with the shader bound before, which must be a living one
+        self._overlay.bind()  # Making a texture binds the previous shader again, which must still exist.
         for picture in pictures:
             if picture.image is not None:
                 found.append(Before(picture, gpu.texture.from_image(picture.image)))
@@ -143,7 +144,7 @@ class Painter:
         gpu.state.blend_set("ALPHA_PREMULT")
         gpu.state.depth_test_set("NONE")
         self._overlay.bind()
-        block = _over_block(opacity, before)  # kept until the draw, as above
+        block = _over_block(opacity, before)  # It has to live until the draw, as above.
         self._overlay.uniform_block("over", block)
         self._overlay.uniform_sampler("splats_tex", splats)
         for k in range(MOST):
@@ -183,7 +184,7 @@ def _splat_shader() -> gpu.types.GPUShader:
     between.smooth("VEC2", "offset")
     between.flat("VEC4", "color")
     info = gpu.types.GPUShaderCreateInfo()
-    info.typedef_source(VIEW_BLOCK)  # two matrices and more exceed what push constants hold everywhere
+    info.typedef_source(VIEW_BLOCK)  # Two matrices do not fit into the push constants of every graphics card.
     info.uniform_buf(0, "SplatView", "view")
     for slot, name in enumerate(("place_tex", "shape_tex", "color_tex", "order_tex", "depth_tex")):
         info.sampler(slot, "FLOAT_2D", name)

@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 UNDRAWABLE = "Splats cannot be drawn with this graphics card; they are shown as points"
 
 
-class _Slot:
+class _DrawHandler:
     """The one stage of this Blender and its draw handler."""
 
     def __init__(self) -> None:
@@ -27,21 +27,21 @@ class _Slot:
         self.handle: Any = None
 
 
-_slot = _Slot()
+_handler = _DrawHandler()
 
 
 def prime(cloud: bpy.types.PointCloud, prepared: Prepared) -> None:
     """Hands over what an importer has in memory already, so that it need not be read back from Blender."""
-    if _slot.stage:
-        _slot.stage.clouds.accept(cloud.session_uid, prepared)
+    if _handler.stage:
+        _handler.stage.clouds.accept(cloud.session_uid, prepared)
 
 
 def _draw() -> None:
-    if _slot.stage is None:
+    if _handler.stage is None:
         return
     try:
-        drawn = _slot.stage.draw(bpy.context)
-    except Exception:  # whatever a driver refuses: points instead, said once, and never a broken viewport
+        drawn = _handler.stage.draw(bpy.context)
+    except Exception:  # Whatever a driver refuses, the splats become points and the log says so once.
         log.exception(UNDRAWABLE)
         _turn_into_points()
         return
@@ -65,11 +65,11 @@ def _wake() -> None:
 
 
 def _tick() -> float | None:
-    if _slot.stage is None:
+    if _handler.stage is None:
         return None
     try:
-        return _slot.stage.tick()
-    except Exception:  # as in _draw: some of the drawing is done between redraws
+        return _handler.stage.tick()
+    except Exception:  # Part of the drawing is done here, so the same errors can occur as in _draw.
         log.exception(UNDRAWABLE)
         _turn_into_points()
         return None
@@ -77,8 +77,8 @@ def _tick() -> float | None:
 
 @bpy.app.handlers.persistent
 def _before_load(*_: object) -> None:
-    if _slot.stage:
-        _slot.stage.clear()
+    if _handler.stage:
+        _handler.stage.clear()
 
 
 @bpy.app.handlers.persistent
@@ -96,18 +96,18 @@ def _after_import(context: bpy.types.BlendImportContext, *_: object) -> None:
 
 @bpy.app.handlers.persistent
 def _after_undo(*_: object) -> None:
-    if _slot.stage:
-        _slot.stage.clouds.mark_all_stale()
+    if _handler.stage:
+        _handler.stage.clouds.mark_all_stale()
         _wake()
 
 
 @bpy.app.handlers.persistent
 def _after_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    if _slot.stage is None or not depsgraph.id_type_updated("POINTCLOUD"):
+    if _handler.stage is None or not depsgraph.id_type_updated("POINTCLOUD"):
         return
     for update in depsgraph.updates:
         if isinstance(update.id, bpy.types.PointCloud) and update.is_updated_geometry:
-            _slot.stage.clouds.mark_stale(update.id.original.session_uid)
+            _handler.stage.clouds.mark_stale(update.id.original.session_uid)
             _wake()
 
 
@@ -126,8 +126,8 @@ def register() -> None:
     for kind, handler in _HANDLERS.items():
         getattr(bpy.app.handlers, kind).append(handler)
     if not bpy.app.background:
-        _slot.stage = Stage()
-        _slot.handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+        _handler.stage = Stage()
+        _handler.handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
         viewport_props.set_drawable(True)
     bpy.app.timers.register(_show_open_file, first_interval=0.0)
 
@@ -139,11 +139,11 @@ def _show_open_file() -> None:
 
 def _stop_drawing() -> None:
     viewport_props.set_drawable(False)
-    if _slot.handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_slot.handle, "WINDOW")
-    if _slot.stage is not None:
-        _slot.stage.clear()
-    _slot.stage = _slot.handle = None
+    if _handler.handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handler.handle, "WINDOW")
+    if _handler.stage is not None:
+        _handler.stage.clear()
+    _handler.stage = _handler.handle = None
 
 
 def unregister() -> None:

@@ -6,17 +6,17 @@ drawn, in as many slices as that takes, so that the window is never held up for 
 
 from __future__ import annotations
 
-MOVING_S = 0.04  # aimed at for the splats of a redraw while the view moves
-SLICE_S = 0.03  # and for a slice of the resting picture; the nearest Gaussians, drawn last, may take several times as long
-FEWEST = 10_000  # in a moving picture; also to begin with, for nothing is known then of how long drawing takes
+MOVING_S = 0.04  # Target for the splats of one redraw while the view moves.
+SLICE_S = 0.03  # Target for a slice of the resting picture; the nearest Gaussians may take several times as long.
+FEWEST = 10_000  # In a moving picture, and at the beginning, when the speed is not known yet.
 SMALLEST_SLICE = 1_000
 LARGEST = 100_000_000
 SHRINKS = (1, 2, 4)
-SHRINK = {False: 1, True: 2}  # to begin with, by whether the processor draws
+SHRINK = {False: 1, True: 2}  # The first guess, by whether the processor does the drawing.
 SLICE = {False: 1_000_000, True: 4_000}
 MOST_MOVING = 1_000_000
-GROWTH = 8.0  # at most, from one moving picture to the next
-LEAP = 2  # a sample that may grow so much is drawn anew before the view moves on
+GROWTH = 8.0  # The largest change from one moving picture to the next.
+LEAP = 2  # If the sample may grow by this factor, it is drawn again before the view moves on.
 
 
 class Budget:

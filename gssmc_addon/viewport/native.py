@@ -9,7 +9,7 @@ import bpy
 from ..splat import display as splat_display
 from ..splat import object as splat_object
 
-SINCE = (5, 3, 0)  # the first Blender with a type for such point clouds
+SINCE = (5, 3, 0)  # The first Blender whose point clouds have a type for splats.
 
 
 def take_over(clouds: Iterable[tuple[bpy.types.PointCloud, tuple[int, ...]]]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..splat import object as splat_object
 from ..splat import up_axis
@@ -15,7 +15,7 @@ SHOW_ITEMS = (
     ("POINTS", "Points", "Draw a point for each Gaussian; in colour in Material Preview"),
     ("BOX", "Box", "Draw only the box around the scan"),
 )
-_state = {"drawable": False}  # whether this Blender has a window and a graphics card that draws splats
+_state = {"drawable": False}  # Whether this Blender has a window and a graphics card that can draw splats.
 
 
 def set_drawable(drawable: bool) -> None:
@@ -36,12 +36,12 @@ def apply(obj: bpy.types.Object) -> None:
     ours = is_drawable() and not splat_object.is_native(obj.data)
     box = obj.gssmc.show_as == "BOX" or (obj.gssmc.show_as == "SPLATS" and ours)
     wanted = "BOUNDS" if box else "TEXTURED"
-    if obj.display_type != wanted:  # of a linked object too: it is how it looks here, and is not saved
+    if obj.display_type != wanted:  # This also works for a linked object: it only changes the display and is not saved.
         obj.display_type = wanted
 
 
 def apply_all() -> None:
-    """After opening a file, which may come from another machine."""
+    """Called after a file was opened, which may come from another machine."""
     for obj in bpy.data.objects:
         if splat_object.is_splat(obj):
             apply(obj)
@@ -65,7 +65,7 @@ def draw_settings(layout: bpy.types.UILayout, obj: bpy.types.Object | None) -> N
         layout.label(text="Shown as points:", icon="INFO")
         layout.label(text="no fit graphics here", icon="BLANK1")
         return
-    layout.prop(obj.gssmc, "max_shown")  # each in a row of its own: side by side the number is cut in a narrow sidebar
+    layout.prop(obj.gssmc, "max_shown")  # Side by side the number would be cut off in a narrow sidebar.
     layout.prop(obj.gssmc, "opacity", slider=True)
 
 
@@ -76,7 +76,7 @@ def _changed(self: GssmcObject, context: bpy.types.Context) -> None:
 
 
 def redraw_views() -> None:
-    """Has every 3D viewport drawn anew. A script's change does not do that by itself, as a click in the panel does."""
+    """Requests a redraw of every 3D viewport. A change from a script, unlike a click in the panel, does not do that."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
@@ -96,12 +96,19 @@ class GssmcObject(bpy.types.PropertyGroup):
         ),
         "max_shown": IntProperty(
             name="Most Shown",
-            description="Most Gaussians drawn in the viewport, a fair choice of all; nothing else uses this number",
+            description="The largest number of Gaussians drawn in the viewport, chosen at random from all; "
+            "only the display uses it",
             default=MAX_SHOWN,
             min=1000,
             soft_max=10_000_000,
             step=10_000,
             update=_changed,
+        ),
+        "file": StringProperty(
+            name="File",
+            description="The scan's file that the object was imported from",
+            subtype="FILE_PATH",
+            options={"HIDDEN"},
         ),
         "up_axis": EnumProperty(
             name="Up Axis",
@@ -112,7 +119,7 @@ class GssmcObject(bpy.types.PropertyGroup):
         ),
         "opacity": FloatProperty(
             name="Opacity",
-            description="Of the splats in the viewport; lower it to see what stands behind, the photo for example",
+            description="Opacity of the splats in the viewport; lower it to see what is behind them, for example the photo",
             default=1.0,
             min=0.0,
             max=1.0,

@@ -21,9 +21,9 @@ from .lod import Budget
 from .thread import BackThread
 
 TICK_S = 0.01
-SEND_S = 0.03  # of a tick, for sending tables; one table may exceed it
-SETTLED_S = 0.25  # a view that has not moved for so long is completed
-SORT_AGAIN = 1 - 1e-5  # cosine of a turn of a quarter degree
+SEND_S = 0.03  # Seconds of a tick for sending tables; a single table may take longer.
+SETTLED_S = 0.25  # A view that has not moved for this many seconds is drawn in full.
+SORT_AGAIN = 1 - 1e-5  # The cosine of a quarter of a degree.
 
 
 @dataclass
@@ -31,21 +31,21 @@ class _View:
     """One splat in one region."""
 
     canvas: Canvas = field(default_factory=Canvas)
-    seen: Any = None  # object to view, and projection, as drawn last
+    seen: Any = None  # The matrices of the last drawing: object to view, and projection.
     moved_at: float = 0.0
     rested: bool = False  # as of the last tick
     live: bool = True  # in the region's last redraw
     count: int = 0  # how many are wanted
     limit: int = 0  # how many there are to be had
-    asked: tuple[Any, ...] = ()  # direction, count and version of the order that was asked for last
+    asked: tuple[Any, ...] = ()  # Direction, count and version of the last order that was requested.
     indices: np.ndarray | None = None  # the order, farthest first
-    sent: bool = True  # false: the order is not on the graphics card yet
+    sent: bool = True  # False while the order is not on the graphics card yet.
     order: gpu.types.GPUTexture | None = None
     stamp: int = 0
     version: int = -1
 
     def rests(self) -> bool:
-        """True when it may take its time: it does not move, and shows something meanwhile."""
+        """True when the view does not move and shows a picture, so that a full drawing may take its time."""
         return self.canvas.shows and time.perf_counter() - self.moved_at >= SETTLED_S
 
 
@@ -87,20 +87,20 @@ class Stage:
     def _draw_one(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, depth: Depth) -> bool:
         """Brings the splat's picture up to date; False when there is nothing to draw it of."""
         textures, version = self.clouds.get(obj.data.session_uid)
-        if textures is None:
+        if textures is None or self.painter is None or self.budget is None:
             return False
         region = context.region_data
         matrix = region.view_matrix @ obj.matrix_world
         seen = (matrix, region.window_matrix.copy())
         if seen != view.seen:
             view.seen, view.moved_at = seen, time.perf_counter()
-        if version != view.version:  # other Gaussians: their order is unknown
+        if version != view.version:  # These are other Gaussians, whose order is not known.
             view.version, view.order, view.indices = version, None, None
-        self._plan(context, obj, view, textures)  # the order is found while tables are sent, between redraws
+        self._plan(context, obj, view, textures)  # The order is computed while the tables are sent, between redraws.
         if not textures.complete:
             return False
         if view.indices is not None:
-            if len(view.indices) > view.count:  # it began to move: the sample, in the order known
+            if len(view.indices) > view.count:  # The view began to move: a sample is drawn, in the known order.
                 view.indices, view.sent = view.indices[view.indices < view.count], False
             if not view.sent:
                 view.order, view.sent = texture(order_table(view.indices)), True
@@ -115,7 +115,7 @@ class Stage:
     def _plan(self, context: bpy.types.Context, obj: bpy.types.Object, view: _View, textures: SplatTextures) -> None:
         """Decides how many to draw, and asks for their order when that or the direction has changed."""
         view.limit = min(textures.count, obj.gssmc.max_shown)
-        view.count = view.limit if view.rests() else min(view.limit, self.budget.moving)
+        view.count = view.limit if view.rests() or self.budget is None else min(view.limit, self.budget.moving)
         direction = np.array(view.seen[0].row[2][:3], np.float32)
         direction /= max(float(np.linalg.norm(direction)), 1e-30)
         if view.asked:
@@ -130,20 +130,20 @@ class Stage:
     # ---- between redraws
 
     def tick(self) -> float | None:
-        """Carries work on; seconds until the next call, None when there is nothing left to do."""
+        """Continues the work. Returns the seconds until the next call, None when there is nothing left to do."""
         changed = self._take_answers()
         busy = self.clouds.step()
         regions = _regions()
         for key in [key for key in self._views if key[0] not in regions]:
             self._views.pop(key).canvas.free()
             self._depths.pop(key[0], None)
-        drawn = False  # one slice or table for all views, so that no tick takes long
+        drawn = False  # Only one slice or table per tick for all views, so that no tick takes long.
         for uid, view in [(key[1], view) for key, view in self._views.items() if view.live]:
             textures, _ = self.clouds.get(uid)
             working = view.canvas.working or (textures is not None and not textures.complete)
             if working and not drawn:
                 changed, drawn = self._carry_on(view, textures) or changed, True
-            if view.rests():  # what is shown was good enough to move
+            if view.rests():  # What is shown was only good enough while the view moved.
                 changed = changed or view.count < view.limit or not view.rested
             elif view.canvas.shows and self.budget is not None:
                 changed = changed or self.budget.leaps(view.count, view.limit)
@@ -157,7 +157,7 @@ class Stage:
     def _carry_on(self, view: _View, textures: SplatTextures | None) -> bool:
         """What can be drawn, or sent to the graphics card, without a redraw; True when a redraw has something new to show."""
         if textures is not None and not textures.complete:
-            until = time.perf_counter() + SEND_S  # in one tick, if possible: Blender may draw anew between any two
+            until = time.perf_counter() + SEND_S  # All in one tick if possible, because Blender may redraw between two ticks.
             while not textures.send_next():
                 if time.perf_counter() > until:
                     return False
@@ -174,7 +174,7 @@ class Stage:
             view, (textures, _) = self._views.get(key[1:]), self.clouds.get(key[2])
             if view and result and result[0] == view.version:
                 view.indices, view.sent = result[1], False
-                news = news or (textures is not None and textures.complete)  # else the last table asks for the redraw
+                news = news or (textures is not None and textures.complete)  # Otherwise the last table requests the redraw.
         return news
 
     def clear(self) -> None:
@@ -205,7 +205,7 @@ def _shown(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def _share(context: bpy.types.Context) -> float:
-    """How opaque the viewport wants its objects: X-ray."""
+    """The opacity of the viewport's X-ray mode, 1 without it."""
     shading = context.space_data.shading
     return shading.xray_alpha if shading.type == "SOLID" and shading.show_xray else 1.0
 

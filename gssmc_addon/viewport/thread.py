@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from typing import Any
 
 log = logging.getLogger(__name__)
 STOP_S = 5.0
+Key = tuple[Any, ...]  # what a piece of work is for
 
 
 class BackThread:
@@ -16,13 +17,13 @@ class BackThread:
 
     def __init__(self) -> None:
         self._change = threading.Condition()
-        self._waiting: dict[Hashable, Callable[[], Any]] = {}
-        self._done: list[tuple[Hashable, Any]] = []
+        self._waiting: dict[Key, Callable[[], Any]] = {}
+        self._done: list[tuple[Key, Any]] = []
         self._busy = False
         self._stopped = False
         self._thread: threading.Thread | None = None
 
-    def ask(self, key: Hashable, work: Callable[[], Any]) -> None:
+    def ask(self, key: Key, work: Callable[[], Any]) -> None:
         """Has `work` done, which must not touch Blender; it replaces work with the same key that is still waiting."""
         with self._change:
             self._waiting[key] = work
@@ -32,7 +33,7 @@ class BackThread:
                 self._thread.start()
             self._change.notify()
 
-    def answers(self) -> list[tuple[Hashable, Any]]:
+    def answers(self) -> list[tuple[Key, Any]]:
         """Keys and results since the last call; the result of work that broke off is None, and the log says why."""
         with self._change:
             done, self._done = self._done, []
@@ -73,6 +74,6 @@ class BackThread:
 def _result(work: Callable[[], Any]) -> Any:
     try:
         return work()
-    except Exception:  # the thread must outlive one splat that is too large or broken
+    except Exception:  # One broken or too large splat must not end the thread.
         log.exception("Work for the viewport broke off")
         return None

@@ -163,3 +163,30 @@ def test_folders_stay_under_sixteen_modules():
     folders = {p.parent for p in [*CORE, *BLENDER_SIDE] if p.parent != REPO / "operators"}
     crowded = {name(f): n for f in folders if (n := len([p for p in f.glob("*.py") if p.name != "__init__.py"])) > 15}
     assert not crowded
+
+
+def definitions(kind):
+    """(path, node) of every class or function of the engine and the Blender side."""
+    for path in [*CORE, *BLENDER_SIDE]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, kind):
+                yield path, node
+
+
+def test_functions_take_at_most_five_parameters():
+    """More of them belong together in a frozen dataclass. Blender calls draw_item with the eight that it has."""
+    crowded = []
+    for path, node in definitions(ast.FunctionDef | ast.AsyncFunctionDef):
+        arguments = node.args
+        names = [a.arg for a in arguments.posonlyargs + arguments.args + arguments.kwonlyargs if a.arg not in ("self", "cls")]
+        if len(names) > 5 and node.name != "draw_item":
+            crowded.append(f"{name(path)}:{node.lineno} {node.name} takes {len(names)}")
+    assert not crowded
+
+
+def test_no_two_classes_share_a_name():
+    """A name in a traceback or a search then leads to one class."""
+    places = {}
+    for path, node in definitions(ast.ClassDef):
+        places.setdefault(node.name, []).append(name(path))
+    assert not {word: found for word, found in places.items() if len(found) > 1}

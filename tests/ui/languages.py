@@ -13,13 +13,13 @@ from bpy.app import translations
 
 HERE = os.path.dirname(__file__)
 NO_SPLAT = "No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel."
-HINT = "Bring the camera to about where the photo was taken, then refine."
+HINT = "Find Camera looks for it in the scan; Refine Camera starts from where the camera stands."
 GERMAN = {
     ("Operator", "Refine Camera"): "Kamera bestimmen",
     ("Operator", "Add Photo"): "Foto laden",
     ("*", "Photo Camera"): "Fotokamera",
     ("*", "Move Camera With View"): "Kamera folgt der Ansicht",
-    ("*", HINT): "Stell die Kamera ungefähr dorthin, wo das Foto entstand, dann bestimme sie.",
+    ("*", HINT): "Kamera suchen findet sie im Scan; Kamera bestimmen beginnt, wo sie steht.",
     ("*", NO_SPLAT): "Es ist kein Splat gewählt; importiere einen mit Datei > Importieren > Gaussian Splats.",
     ("*", '"{photo}" ({x} x {y}) is set behind "{camera}".'): 'Hinter "{camera}" steht jetzt "{photo}", {x} mal {y}.',
 }

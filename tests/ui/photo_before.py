@@ -25,7 +25,7 @@ def in_view(operator, *args, **kwargs):
 
 def drawn():
     """Until every Gaussian has been drawn in the view as it is."""
-    stage = sys.modules[MODULE + ".gssmc_addon.viewport.handlers"]._slot.stage
+    stage = sys.modules[MODULE + ".gssmc_addon.viewport.handlers"]._handler.stage
     begun = time.time()
     view3d()[1].tag_redraw()
     yield 1.0

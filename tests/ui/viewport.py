@@ -19,7 +19,7 @@ MODULE = "bl_ext.user_default.gssmc"
 
 
 def stage():
-    return sys.modules[MODULE + ".gssmc_addon.viewport"]._slot.stage
+    return sys.modules[MODULE + ".gssmc_addon.viewport.handlers"]._handler.stage
 
 
 def splat():

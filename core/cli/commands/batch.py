@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...batch.keys import Query, query_keys
+from ...batch.keys import BatchQuery, query_keys
 from ...batch.queries import find_queries
 from ...batch.store import ResultStore
 from ...cameras import pose_list
@@ -22,7 +22,7 @@ from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
 from ...pose.settings import RefineSettings
 from ...splats import check_splat_file
-from ..console import note, say
+from ..console import message, say
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags
 from ..outcome import FAILED_VERDICT, OK, Outcome
@@ -53,9 +53,9 @@ def run(args: argparse.Namespace) -> Outcome:
     flags = MapFlags(args)
     found = find_queries(args)
     for sentence in found.notes:
-        note(sentence)
+        message(sentence)
     masks = _mask_files(args.mask, found.photos)
-    queries = [Query(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
+    queries = [BatchQuery(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
     if args.workers < 1:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     _check_paths(args, queries, settings)
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> Outcome:
     with ResultStore(args.out, query_keys(args.scene, queries, settings, flags.word if args.locate else "")) as store:
         kept = sum(TO_FIND not in record for record in store.records.values())
         if kept:
-            note(f"{kept} of {len(queries)} photos were finished before and are kept.")
+            message(f"{kept} of {len(queries)} photos were finished before and are kept.")
         Rounds(args.scene, args.workers, settings, flags if args.locate else None).run(queries, store)
     verdicts = Counter(record["verdict"] for record in store.records.values())
     say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
@@ -71,13 +71,13 @@ def run(args: argparse.Namespace) -> Outcome:
     return _outcome(args, code, queries, store)
 
 
-def _outcome(args: argparse.Namespace, code: int, queries: Sequence[Query], store: ResultStore) -> Outcome:
+def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], store: ResultStore) -> Outcome:
     """The outcome, of the photos that have a camera; the poses are written where they are asked for."""
     records = [store.records[i] for i in range(len(queries))]
     placed = [i for i, record in enumerate(records) if record["R"] is not None]
     cameras = tuple(camera_from_dict(records[i]) for i in placed)
     if len(placed) < len(queries):
-        note(f"{len(queries) - len(placed)} of {len(queries)} photos had no start and were not found, so they have no pose.")
+        message(f"{len(queries) - len(placed)} of {len(queries)} photos had no start and were not found, so they have no pose.")
     if args.poses is not None:
         tried = [camera for i, camera in zip(placed, cameras, strict=True) if "error" not in records[i]]
         pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
@@ -85,7 +85,7 @@ def _outcome(args: argparse.Namespace, code: int, queries: Sequence[Query], stor
     return Outcome(code, args.scene, cameras, tuple(photos), masks=tuple(masks))
 
 
-def _check_paths(args: argparse.Namespace, queries: Sequence[Query], settings: RefineSettings) -> None:
+def _check_paths(args: argparse.Namespace, queries: Sequence[BatchQuery], settings: RefineSettings) -> None:
     """Raises UsageError when what is to be written would overwrite what is read."""
     inputs = {
         "the scan": args.scene,
@@ -104,5 +104,5 @@ def _mask_files(masks: Path | None, photos: list[Path]) -> list[Path | None]:
     if masks is None:
         return [None] * len(photos)
     found = [find_mask(masks.resolve(), photo) for photo in photos]
-    note(f"{sum(mask is not None for mask in found)} of {len(photos)} photos have a mask; the others are used whole.")
+    message(f"{sum(mask is not None for mask in found)} of {len(photos)} photos have a mask; the others are used whole.")
     return found

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...cameras import colmap, nerfstudio, pose_list, starts
-from ...cameras.files import Start
+from ...cameras.files import StartCamera
 from ...cameras.training_world import FILE, read_training_world
 from ...errors import DatasetError
 from ...geometry.camera import Camera
@@ -64,26 +64,26 @@ def _world(into: Path | None, out_of: Path | None) -> Similarity | None:
     return read_training_world(out_of).inverse() if out_of is not None else None
 
 
-def _json(path: Path, found: Sequence[Start]) -> None:
+def _json(path: Path, found: Sequence[StartCamera]) -> None:
     with atomic_write(path) as file:
         json.dump({"frames": [start.to_dict() for start in found]}, file, indent=1)
 
 
-def _poses(path: Path, found: Sequence[Start]) -> None:
+def _poses(path: Path, found: Sequence[StartCamera]) -> None:
     pose_list.write(path, [(start.file, start.pose) for start in found])
 
 
-def _colmap(path: Path, found: Sequence[Start]) -> None:
+def _colmap(path: Path, found: Sequence[StartCamera]) -> None:
     cameras = _with_lenses(found)
     path.mkdir(parents=True, exist_ok=True)
     colmap.write_model(path, cameras)
 
 
-def _nerfstudio(path: Path, found: Sequence[Start]) -> None:
+def _nerfstudio(path: Path, found: Sequence[StartCamera]) -> None:
     nerfstudio.write_transforms(path, _with_lenses(found))
 
 
-def _with_lenses(found: Sequence[Start]) -> list[Camera]:
+def _with_lenses(found: Sequence[StartCamera]) -> list[Camera]:
     out = []
     for number, start in enumerate(found, 1):
         if start.intrinsics is None:
@@ -92,7 +92,7 @@ def _with_lenses(found: Sequence[Start]) -> list[Camera]:
     return out
 
 
-WRITERS: dict[str, Callable[[Path, Sequence[Start]], None]] = {
+WRITERS: dict[str, Callable[[Path, Sequence[StartCamera]], None]] = {
     "json": _json,
     "poses": _poses,
     "colmap": _colmap,

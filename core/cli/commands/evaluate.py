@@ -12,7 +12,7 @@ from typing import Any, get_args
 from ...cameras import PoseSet, Split
 from ...cameras.evaluate import STYLES, Scores, average, pose_errors, score, table
 from ...cameras.scenes import Scene, find_scenes, poses_of
-from ..console import note, say
+from ..console import message, say
 from ..outcome import OK, Outcome
 
 AVERAGE = "average"
@@ -62,11 +62,13 @@ def _scores(scenes: list[Scene], path: Path, args: argparse.Namespace) -> dict[s
 
 def _say_left_out(scene: Scene, estimate: PoseSet, scores: Scores) -> None:
     if scores.missing:
-        note(f"{scores.missing} of {scores.n} photos of '{scene.name}' are missing in '{estimate.source}': infinitely wrong.")
+        message(
+            f"{scores.missing} of {scores.n} photos of '{scene.name}' are missing in '{estimate.source}': infinitely wrong."
+        )
     beside = len(estimate.frames) - (scores.n - scores.missing)
     if beside:
         of = f"{beside} of {len(estimate.frames)} poses in '{estimate.source}'"
-        note(f"{of} are of no photo of '{scene.name}' and do not count.")
+        message(f"{of} are of no photo of '{scene.name}' and do not count.")
 
 
 def _with_average(scores: dict[str, Scores]) -> dict[str, Scores]:

@@ -6,16 +6,16 @@ import argparse
 from pathlib import Path
 
 from ...batch.find_one import find_target, found_to_dict
-from ...cameras.files import Start
+from ...cameras.files import StartCamera
 from ...cameras.unplaced import Unplaced
 from ...photos.lens_guess import guess_lens
 from ...photos.photo import Photo, read_photo
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
-from ..console import note
+from ..console import message
+from ..dropped import say_dropped
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, find_with_progress
-from ..notes import say_dropped
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..result import put_result
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> Outcome:
     flags = MapFlags(args, settings.threads)
     photo = read_photo(args.photo)
     for remark in photo.notes:
-        note(remark)
+        message(remark)
     given = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
     wanted = Unplaced(photo.file, given.intrinsics, given.focal_guessed).with_guess(guess_lens(photo).intrinsics)
     target = find_target(photo, wanted, mask)
@@ -58,9 +58,9 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(OK, args.scene, (found.camera,), (args.photo,), (found.refined,), (mask,))
 
 
-def _say_lens(given: Start | Unplaced, photo: Photo) -> None:
+def _say_lens(given: StartCamera | Unplaced, photo: Photo) -> None:
     """Tells what was assumed, and what was given for nothing."""
-    if isinstance(given, Start):
-        note("The pose in the file of the lens is not used; `refine` begins at it.")
+    if isinstance(given, StartCamera):
+        message("The pose in the file of the lens is not used; `refine` begins at it.")
     if given.intrinsics is None:
-        note(f"The lens is not known: {guess_lens(photo).words}.")
+        message(f"The lens is not known: {guess_lens(photo).assumption}.")

@@ -9,10 +9,10 @@ from pathlib import Path
 from ...errors import GssmcError
 from ...locate import LandmarkMap, MapCache
 from ...splats import read_splats
-from ..console import note, say
+from ..console import message, say
+from ..dropped import say_dropped
 from ..flags import SCENE_HELP
 from ..maps import MapFlags, add_map_flags
-from ..notes import say_dropped
 from ..outcome import INTERRUPTED, OK, Outcome
 from ..paths import check_outputs
 from ..progress import ProgressBar
@@ -49,18 +49,18 @@ def _end(cache: MapCache, made: LandmarkMap, interrupted: bool) -> Outcome:
     file = cache.stored_in()
     if interrupted:
         if file is None:
-            note("Interrupted before the map had a view; nothing was written.")
+            message("Interrupted before the map had a view; nothing was written.")
         else:
-            note(f"Interrupted; the map in '{file}' has {len(cache.read())} views and can be used, and continued.")
+            message(f"Interrupted; the map in '{file}' has {len(cache.read())} views and can be used, and continued.")
         return Outcome(INTERRUPTED)
     if file is None:
         raise GssmcError(f"The map cannot be written to '{cache.files[0]}'; give another file with --map.")
     known = [view for view in made.views if view.known]
     blind = sum(len(view) == 0 for view in known)
     if blind:
-        note(f"{blind} of the {len(known)} known cameras see nothing of the scan; they may belong to another world or scan.")
+        message(f"{blind} of the {len(known)} known cameras see nothing of the scan; they may belong to another world or scan.")
     if not made.views:
-        note("No view of the scan shows anything to be found by.")
+        message("No view of the scan shows anything to be found by.")
     of_known = f", {len(known)} of them from known cameras" if known else ""
     say(f"{len(made)} views{of_known}, {made.landmarks} landmarks; the map is in {file}")
     return Outcome(OK)

@@ -8,24 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from ...batch.find_one import find_target, found_to_dict, joined
-from ...batch.refine_one import refine_photo
-from ...cameras.files import Start
+from ...batch.refine_one import read_masked_photo, refine_photo
+from ...cameras.files import StartCamera
 from ...cameras.unplaced import Unplaced, read_wanted
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
 from ...photos.lens_guess import guess_lens
-from ...photos.mask import find_mask, masked
-from ...photos.photo import Photo, read_photo
+from ...photos.mask import find_mask
+from ...photos.photo import Photo
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...pose.settings import RefineSettings
 from ...render import ProcessRenderer, RenderSettings
 from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
-from ..console import note
+from ..console import message
+from ..dropped import say_dropped
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, find_with_progress
-from ..notes import say_dropped
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..progress import ProgressBar
@@ -52,11 +52,9 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.camera is None and not args.locate:
         raise UsageError("There is no start to refine from; give it with --camera, or leave out --no-locate.")
     flags = MapFlags(args, settings.threads)
-    photo = read_photo(args.photo)
-    if mask is not None:
-        photo = masked(photo, mask)
+    photo = read_masked_photo(args.photo, mask)
     for remark in photo.notes:
-        note(remark)
+        message(remark)
     told = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
     if isinstance(told, Unplaced) and not args.locate:
         raise CameraError(f"The camera in '{args.camera.name}' has no R and t; give a start, or leave out --no-locate.")
@@ -101,7 +99,7 @@ class Placing:
         first = Placed(report_to_dict(report), report)
         if report.verdict != "failed" or self._flags is None:
             return first
-        note("The refinement from the start failed; the photo is searched for without it.")
+        message("The refinement from the start failed; the photo is searched for without it.")
         found = self._find(photo, Unplaced.of(wanted))
         return Placed(joined(first.record, found.record), found.report or first.report)
 
@@ -122,19 +120,21 @@ def mask_file(masks: Path, photo: Path) -> Path:
     return found
 
 
-def wanted_camera(wanted: Start | Unplaced, photo: Photo) -> Camera | Unplaced:
+def wanted_camera(wanted: StartCamera | Unplaced, photo: Photo) -> Camera | Unplaced:
     """The camera to start from, or what is known of it, with the lens that the photo suggests where the file tells none, which
     is said then.
     """
     guess = guess_lens(photo)
     if wanted.intrinsics is None:
-        note(f"{'The start tells no lens' if isinstance(wanted, Start) else 'The lens is not known'}: {guess.words}.")
+        message(
+            f"{'The start tells no lens' if isinstance(wanted, StartCamera) else 'The lens is not known'}: {guess.assumption}."
+        )
     if isinstance(wanted, Unplaced):
         return replace(wanted.with_guess(guess.intrinsics), file=photo.file)
     return replace(wanted.camera(guess.intrinsics), file=photo.file)
 
 
-def pick_wanted(file: Path, photo: Path) -> Start | Unplaced:
+def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:
     """The file's only record, or the one that names the photo. Raises CameraError when that is nobody, or several."""
     records = read_wanted(file)
     if len(records) == 1:

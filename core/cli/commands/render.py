@@ -20,8 +20,8 @@ from ...render import RenderedView, Renderer, RenderSettings
 from ...splats import read_splats
 from ...support.atomic import atomic_write
 from ..console import say
+from ..dropped import say_dropped
 from ..flags import SCENE_HELP
-from ..notes import say_dropped
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 

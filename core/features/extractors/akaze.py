@@ -12,7 +12,8 @@ from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
 
 DESCRIPTOR_BYTES = 61
-MIN_SIDE_PX = 32  # below, the descriptor's patch does not fit
+# The patch of a descriptor does not fit into a smaller image.
+MIN_SIDE_PX = 32
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,8 @@ class Akaze:
     """AKAZE extractor. `max_features` keeps the strongest; `threshold` is that of the detector's response."""
 
     max_features: int = 4000
-    threshold: float = 2e-4  # a fifth of OpenCV's default: renders are softer than photos
+    # A fifth of OpenCV's default, because renders are softer than photos.
+    threshold: float = 2e-4
 
     def extract(self, grey: Grey, mask: Mask | None = None) -> Features:
         """Features of `grey` (H, W) uint8, descriptors (N, 61) uint8. An image without structure gives an empty set."""

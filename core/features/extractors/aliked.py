@@ -13,8 +13,10 @@ from ..nets.input import inside, pad_to_multiple, unit_rows
 from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
 
-STEP_PX = 32  # the network's own halving; OpenCV returns wrong values for other sides, without an error
-MIN_SCORE = 0.02  # rows that are no local maximum fill the fixed number of outputs with scores near 0
+# The network halves its input this far. For other sides, OpenCV returns wrong values without an error.
+STEP_PX = 32
+# The network has a fixed number of outputs; rows that are no local maximum fill them with scores near 0.
+MIN_SCORE = 0.02
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ DESCRIPTOR_BYTES = 32
 MIN_SIDE_PX = 64  # the border that ORB leaves out, on both sides
 SCALE = 1.2
 LEVELS = 8
-FAST_THRESHOLD = 10  # half of OpenCV's default: renders are softer than photos
+# Half of OpenCV's default, because renders are softer than photos.
+FAST_THRESHOLD = 10
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ from ..types import Features, Grey, Mask, no_features
 from .opencv import detect
 
 DESCRIPTOR_SIZE = 128
-MIN_SIDE_PX = 16  # SIFT's pyramid has nothing to find in less
+# SIFT's pyramid finds nothing in a smaller image.
+MIN_SIDE_PX = 16
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,14 @@ class SuperPoint:
         """Features of `grey` (H, W) uint8. Raises cv2.error or FeatureError when the model does not work."""
         height, width = grey.shape
         image = pad_to_multiple(grey, STEP_PX).astype(np.float32) / 255
-        net = cv2.dnn.readNetFromONNX(str(self.model))  # per image: see Disk
+        # The network is read for every image, for the reason given in `Disk`.
+        net = cv2.dnn.readNetFromONNX(str(self.model))
         if net.empty():
             raise FeatureError("It holds operators that OpenCV does not know.")
         net.setInput(image[None, None], "image")
         outputs: Sequence[Any] = net.forward(list(OUTPUTS))
-        if any(out is None for out in outputs):  # so OpenCV hands over an output of no rows
+        # OpenCV returns None for an output that has no rows.
+        if any(out is None for out in outputs):
             return no_features((width, height), 256)
         points, scores, rows = (np.asarray(out) for out in outputs)
         count = scores.size

@@ -33,7 +33,8 @@ class LightGlue:
             return no_matches()
         if a.binary or b.binary:
             raise FeatureError("LightGlue takes learned features, not binary ones.")
-        net = cv2.dnn.readNetFromONNX(str(self.model))  # per pair: a reused network gives wrong scores
+        # The network is read for every pair, because a network that is used again gives wrong scores.
+        net = cv2.dnn.readNetFromONNX(str(self.model))
         if net.empty():
             raise FeatureError("It holds operators that OpenCV does not know.")
         for index, features in enumerate((a, b)):
@@ -43,7 +44,8 @@ class LightGlue:
         outputs: dict[str, Any] = dict(zip(names, net.forward(names), strict=True))
         if not {"matches0", "mscores0"} <= set(outputs):
             raise FeatureError(f"It has the outputs {', '.join(names)}, not those of LightGlue.")
-        if outputs["matches0"] is None:  # so OpenCV hands over an output of no rows
+        # OpenCV returns None for an output that has no rows.
+        if outputs["matches0"] is None:
             return no_matches()
         pairs, scores = _pairs(outputs["matches0"], outputs["mscores0"])
         valid = (pairs >= 0).all(axis=1) & (pairs < (len(a), len(b))).all(axis=1) & (scores >= self.min_score)

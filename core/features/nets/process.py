@@ -19,9 +19,10 @@ from .messages import pack_features, unpack_features, unpack_matches
 
 log = logging.getLogger(__name__)
 
-LIMIT_S = 300.0  # for one image or pair; a graph that needs more hangs
-# Division by zero, as POSIX and Windows tell it. OpenCV 5.0 dies of it where a network finds nothing and gathers zero rows: an
-# empty answer, and no broken model.
+# For one image or one pair of them. A network that needs longer hangs.
+LIMIT_S = 300.0
+# The exit codes of a division by zero under POSIX and Windows. OpenCV 5.0 ends the process so where a network finds nothing and
+# gathers zero rows. That is an empty answer and no broken model.
 FOUND_NOTHING = frozenset({-8, 0xC0000094, 0xC0000094 - (1 << 32)})
 ENDED = "The refinement has ended, and the model's process with it."
 
@@ -47,8 +48,10 @@ class NetProcess:
         self._nets = nets
         self._limit_s = limit_s
         self._start = start
-        self._turn = threading.Lock()  # one request at a time
-        self._guard = threading.Lock()  # of the two below
+        # The process answers one request at a time.
+        self._turn = threading.Lock()
+        # The guard protects the two attributes below.
+        self._guard = threading.Lock()
         self._channel: Channel | None = None
         self._closed = False
 

@@ -18,7 +18,7 @@ from .panorama import CELLS, Panorama, cell_directions, panorama_at, view_direct
 from .surface import Surface
 
 CONE_COS = float(np.cos(np.radians(33.0)))  # a square view of 65 degrees, without its corners
-FEWEST_FILLED = 0.5  # of a view's cells
+MOST_FILLED, SOME_FILLED = 0.5, 0.1  # of a view's cells: of places all around; of things that stand alone in the void
 VIEWS_A_POSITION = 5
 ELEMENTS = 5000  # surface points whose coverage is counted
 NEAREST, FARTHEST = 0.6, 2.0  # of the expected distance, of the position from the point it was drawn for
@@ -27,7 +27,7 @@ FACING_PULL = 5.0  # how much a position prefers the side that its point faces; 
 SIGMA_LOG = 0.5  # of the distances around the expected one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Viewpoint:
     """A view worth a look: `centre` (3,) and viewing `direction` (3,) in the world; `depth`: about how far away things are
     there, scene units.
@@ -38,7 +38,7 @@ class Viewpoint:
     depth: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """A viewpoint, what it covers: `element` (K,) indices and how well, `weight` (K,), and its `share`: filled cells of the
     view times the root of those of the whole panorama, which puts views inside rooms.
@@ -50,14 +50,14 @@ class Candidate:
     share: float
 
 
-def measured_ratio(surface: Surface, positions: int, rng: np.random.Generator) -> float:
+def measured_ratio(surface: Surface, positions: int, rng: np.random.Generator, filled: float = MOST_FILLED) -> float:
     """From how many widths away the surface was probably photographed: the ratio under which the views of random positions see
     most of it at its expected distance and from its side. Too small a ratio puts positions too near to see much, too large a
     one behind walls.
     """
     total = np.zeros(len(RATIOS))
     for k, ratio in enumerate(RATIOS):
-        for some in candidate_views(surface, (ratio,), positions, rng):
+        for some in candidate_views(surface, (ratio,), positions, rng, filled):
             total[k] += sum(float(one.weight.sum()) for one in some)
     top = int(np.clip(total.argmax(), 1, len(total) - 2))
     low, middle, high = np.log(np.maximum(total[top - 1 : top + 2], 1e-6))
@@ -67,32 +67,36 @@ def measured_ratio(surface: Surface, positions: int, rng: np.random.Generator) -
 
 
 def candidate_views(
-    surface: Surface, ratios: tuple[float, ...], positions: int, rng: np.random.Generator
+    surface: Surface, ratios: tuple[float, ...], positions: int, rng: np.random.Generator, filled: float = MOST_FILLED
 ) -> Iterator[list[Candidate]]:
     """The views of `positions` random positions, those of one at a time. `ratios`: expected distances as multiples of the
-    surface's width, taken in turn.
+    surface's width, taken in turn; `filled`: the least share of a view's cells that hold something.
     """
     directions, cells = view_directions(), cell_directions()
-    cone = (directions @ cells.T > CONE_COS).astype(np.float32)
+    sieve = _Sieve((directions @ cells.T > CONE_COS).astype(np.float32), directions, filled)
     for index in range(positions if len(surface) else 0):
         expected = np.float32(ratios[index % len(ratios)]) * surface.width
         anchor = int(rng.integers(len(surface)))
         away = FACING_PULL * surface.facing[anchor] + rng.normal(size=3)
         stretch = np.exp(rng.uniform(np.log(NEAREST), np.log(FARTHEST))) * expected[anchor] / np.linalg.norm(away)
         position = surface.points[anchor] + (stretch * away).astype(np.float32)
-        yield _views_at(position, panorama_at(surface, position, expected, SIGMA_LOG), cone, directions, surface)
+        yield _views_at(position, panorama_at(surface, position, expected, SIGMA_LOG), sieve, surface)
 
 
-def _views_at(
-    position: NDArray[np.float32],
-    panorama: Panorama,
-    cone: NDArray[np.float32],
-    directions: NDArray[np.float32],
-    surface: Surface,
-) -> list[Candidate]:
+@dataclass(frozen=True, eq=False)
+class _Sieve:
+    """`cone` (V, CELLS), 1 where a cell is in the view along `directions` (V, 3); `filled` as in `candidate_views`."""
+
+    cone: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    filled: float
+
+
+def _views_at(position: NDArray[np.float32], panorama: Panorama, sieve: _Sieve, surface: Surface) -> list[Candidate]:
+    cone, directions = sieve.cone, sieve.directions
     total = cone @ np.bincount(panorama.cell, panorama.weight, minlength=CELLS)
     filled = cone @ panorama.filled.astype(np.float32) / cone.sum(axis=1)
-    total[filled <= FEWEST_FILLED] = 0
+    total[filled <= sieve.filled] = 0
     out = []
     for best in np.argsort(-total)[:VIEWS_A_POSITION]:
         if total[best] <= 0:

@@ -19,7 +19,7 @@ from ...features.matchers.nearest import MutualNearest
 from ...geometry.camera import FloatArray, Pose
 from ...geometry.lie import so3_exp
 from .candidates import Viewpoint
-from .eye import Eye, Look, facing, square_camera
+from .eye import Eye, RenderedFeatures, facing, square_camera
 from .panorama import facing_log
 from .surface import Surface
 
@@ -30,13 +30,13 @@ FIRST_LOOKS = 12
 FRUITLESS = 20
 FEWEST_POINTS = 5
 SIDE_GAIN = 2.0  # how much sharper than the sieve a sight is judged by the side from which it is seen
-LEAST_SOLID = 0.5
+LEAST_SOLID = 0.1
 VOXEL_RATIO = 0.06  # of the typical depth: the cells whose coverage is counted
 STEP_RATIO = (0.15, 0.6)  # of the depth: how far a neighbour lies from its parent
 TURN_DEG = (10.0, 60.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sight:
     """A view that was looked at: its pose; `depth` (scene units), which its near plane was set by; `found`, the features of the
     first eye; `points` (N, 3) in the world, of those or, once `proven` by a second eye, of the stable ones; and `weight` (N,),
@@ -45,7 +45,7 @@ class Sight:
 
     pose: Pose
     depth: float
-    found: Look
+    found: RenderedFeatures
     points: FloatArray
     weight: NDArray[np.float32]
     proven: bool = False

@@ -13,7 +13,7 @@ from ...geometry.camera import FloatArray, Intrinsics, Pose
 from ...pose.search.observe import grey_of
 from ...pose.shared.surface import MIN_ALPHA
 from ...render.renderer import Renderer
-from ...render.tables import SceneTables, build_tables
+from ...render.tables import SceneTables
 from ...render.view import RenderSettings
 from ...splats.scene import GaussianScene
 
@@ -23,8 +23,8 @@ MAX_DEVIATION = 0.15  # of a pixel's depth, as a share of it; beyond, its featur
 MAX_FEATURES, CONTRAST = 1200, 0.005  # corners of a render are clean, however faint; photos' own are noise below twice that
 
 
-@dataclass(frozen=True)
-class Look:
+@dataclass(frozen=True, eq=False)
+class RenderedFeatures:
     """A render's features and what surrounds them. `points` (N, 3) world; `depth`: median depth of the solid pixels, scene
     units; `solid`: share of them, 0..1; `near`: the near plane, scene units.
     """
@@ -41,14 +41,15 @@ class Eye:
     """Draws square views of one scene and lifts their features. Holds the scene's tables once; safe in one thread at a time."""
 
     def __init__(self, scene: GaussianScene | SceneTables, threads: int = 1, extractor: Extractor | None = None) -> None:
-        self._tables = scene if isinstance(scene, SceneTables) else build_tables(scene)
-        self._threads = threads
+        self._renderer = Renderer(scene, RenderSettings(threads=threads))
         self._extractor = extractor or RootSift(MAX_FEATURES, CONTRAST)
 
-    def look(self, pose: Pose, camera: Intrinsics, depth: float) -> Look:
+    def look(self, pose: Pose, camera: Intrinsics, depth: float) -> RenderedFeatures:
         """The view of the pinhole `camera` at `pose`; `depth` (scene units) says about how far away things are there."""
         near = NEAR_RATIO * depth
-        view = Renderer(self._tables, RenderSettings(near, self._threads)).render(camera, pose)
+        # One renderer for all near planes: it keeps the room that a view of so many Gaussians takes.
+        self._renderer.settings = RenderSettings(near, self._renderer.settings.threads)
+        view = self._renderer.render(camera, pose)
         solid = view.alpha >= MIN_ALPHA
         features = self._extractor.extract(grey_of(view), np.asarray(solid))
         column, row = np.clip(features.keypoints.astype(np.intp), 0, (camera.width - 1, camera.height - 1)).T
@@ -57,7 +58,7 @@ class Eye:
         keep: NDArray[np.bool_] = np.asarray(steady & (z > 0))
         found = features.take(keep)
         median = float(np.median(view.depth[solid])) if solid.any() else depth
-        return Look(pose, found, lifted(found.keypoints, z[keep], camera, pose), median, float(solid.mean()), near)
+        return RenderedFeatures(pose, found, lifted(found.keypoints, z[keep], camera, pose), median, float(solid.mean()), near)
 
 
 def square_camera(side_px: int) -> Intrinsics:

@@ -19,7 +19,7 @@ FILLED_TAU = 0.7
 FACING_GAIN = 4.0  # how fast the plausibility falls as a point is seen from another side than it faces
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Panorama:
     """`cell` (N,) cube-map cell of each surface point; `seen` (N,) the light from it that arrives, 0..1; `weight` (N,) how
     plausible it is that the photographer stood here for it: `seen` times the match of its distance and side with the expected

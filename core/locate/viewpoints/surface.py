@@ -30,7 +30,7 @@ SIGN_POINTS, SIGN_NEIGHBOURS, HAZE_NEIGHBOURS = 5000, 64, 32
 SMOOTH_NEIGHBOURS = 24  # points whose signs are averaged: one alone is right for 6 in 7, 24 together for 19 in 20 or more
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Surface:
     """`points` (N, 3) drawn uniformly from the opaque Gaussians, by count: detail gets many, floaters and sky get few.
 

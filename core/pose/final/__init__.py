@@ -1,1 +1,1 @@
-"""The last stage: corners followed on finer renders, joined in one robust problem."""
+"""The last stage: corners of the photo are followed in finer renders, and all of them are fitted in one robust problem."""

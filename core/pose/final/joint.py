@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,19 +12,24 @@ from numpy.typing import NDArray
 
 from ...geometry.camera import FloatArray, Intrinsics
 from ..shared.least_squares import NormalEquations, levenberg_marquardt
-from ..shared.lens import FREE, PRIOR_STD, LensCamera, LensMode, lens_difference
+from ..shared.lens import FREE, PRIOR_STD, CameraUnknowns, LensMode, lens_difference
 from ..shared.matches import ViewMatches, bearings
 from ..shared.robust import robust_std
 from .reprojection import Lifted, apply, reproject, whitening
 
-Stage = Literal["joint", "epipolar", "depth"]
-STAGES: tuple[Stage, ...] = get_args(Stage)
+FitKind = Literal["joint", "epipolar", "depth"]
+FIT_KINDS: tuple[FitKind, ...] = get_args(FitKind)
 
-SCALE = 2.0  # of the Geman-McClure loss, in deviations
-ROUNDS = 4  # of re-estimating deviations around the falling residuals
-CELLS = 20  # cells along the photo's long side
-CELL_CORRELATION = 0.3  # variance that matches of one cell share, as a share of a match's own
-BLOCK = 1024  # columns of one matrix product
+# The scale of the Geman-McClure loss, in standard deviations.
+SCALE = 2.0
+# How often the deviations are estimated again from the falling residuals.
+ROUNDS = 4
+# Number of cells along the photo's long side.
+CELLS = 20
+# The variance that the matches of one cell have in common, as a share of a single match's variance.
+CELL_CORRELATION = 0.3
+# Number of columns in one matrix product.
+BLOCK = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +56,9 @@ class JointProblem:
         `query` coordinates were made.
         """
         known = [v.take(np.isfinite(v.depth) & (v.depth > 0)) for v in views]
-        seen = [intrinsics.project(bearings(v.query)) for v in known]
+        observed = [intrinsics.project(bearings(v.query)) for v in known]
         counts = np.array([len(v) for v in known], np.int64)
-        return cls(Lifted.of(known, seen), density_weights(np.concatenate(seen), intrinsics), counts, prior, mode)
+        return cls(Lifted.of(known, observed), density_weights(np.concatenate(observed), intrinsics), counts, prior, mode)
 
     def part(self, keep: slice) -> JointProblem:
         """The same problem on some of the views."""
@@ -70,71 +75,73 @@ class JointProblem:
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """The fitted camera, and how well it holds; of which problem, by which stage.
+    """The fitted camera, and how well it holds; of which problem, by which kind of fit.
 
     rms_px: RMS of the residuals across the epipolar lines, outliers left out, pixels; information (6 + F, 6 + F): inverse
     covariance of (xi, F free lens numbers).
     """
 
-    camera: LensCamera
+    camera: CameraUnknowns
     rms_px: float
     information: FloatArray
     problem: JointProblem
-    stage: Stage
+    kind: FitKind
 
-    @cached_property
-    def bent(self) -> JointFit:
-        """The fit from here with a lens that may also bend (k1 and k2 free); itself where it may already."""
-        if self.problem.free >= FREE["radial"]:
-            return self
-        return fit_joint(self.camera, replace(self.problem, mode="radial"), self.stage)
-
-    @property
-    def lens_gain(self) -> float:
-        """By what share (0..1) rms_px falls where the lens may also bend, which moves the pose by more than its deviation."""
-        return max(0.0, 1 - self.bent.rms_px / max(self.rms_px, 1e-12))
-
-    def halves(self) -> list[LensCamera]:
-        """The answers from here of every other view, and of those between."""
-        return [fit_joint(self.camera, self.problem.part(slice(i, None, 2)), self.stage).camera for i in (0, 1)]
+    def halves(self) -> list[CameraUnknowns]:
+        """The cameras that two halves of the views give (every second view, and the views between), each fit started here."""
+        return [fit_joint(self.camera, self.problem.part(slice(i, None, 2)), self.kind).camera for i in (0, 1)]
 
 
-def density_weights(seen: FloatArray, k: Intrinsics) -> FloatArray:
-    """Weights (M,) of the matches seen at the pixels `seen` (M, 2): a cell of the photo that holds n, over all views, weighs
-    n / (1 + c n).
+def density_weights(observed: FloatArray, k: Intrinsics) -> FloatArray:
+    """Weights (M,) of matches whose pixels in the photo are `observed` (M, 2): a cell of the photo that holds n of them, over
+    all views, weighs n / (1 + c n).
 
     A splat that is a little off at a place is so in every view and for every match there; counted as independent, a
     textured corner would outvote the rest of the photo.
     """
-    cells = np.floor(seen / (max(k.width, k.height) / CELLS)).astype(np.int64) @ (1, 4 * CELLS)
+    cells = np.floor(observed / (max(k.width, k.height) / CELLS)).astype(np.int64) @ (1, 4 * CELLS)
     _, index, count = np.unique(cells, return_inverse=True, return_counts=True)
     return np.asarray(1 / (1 + CELL_CORRELATION * count[index]))
 
 
-def fit_joint(start: LensCamera, problem: JointProblem, stage: Stage) -> JointFit:
-    """The camera of least cost near `start`, by the stage that is wanted."""
+def fit_joint(start: CameraUnknowns, problem: JointProblem, kind: FitKind) -> JointFit:
+    """The camera of least cost near `start`. `kind`: "joint" weighs each depth by its deviation, "epipolar" ignores the
+    depths, "depth" takes them as exact.
+    """
     camera = start
     for _ in range(ROUNDS):
         sigma_px = problem.deviations_px(reproject(camera, problem.matches).across)
-        equations = partial(_equations, problem=problem, stage=stage, sigma_px=sigma_px)
+        equations = partial(_equations, problem=problem, kind=kind, sigma_px=sigma_px)
         camera = levenberg_marquardt(camera, equations, lambda c, step: c.moved(step))
     across = reproject(camera, problem.matches).across
     sigma_px = problem.deviations_px(across)
     inliers = across[np.abs(across) < 3 * sigma_px]
     rms = float(np.sqrt(np.mean(inliers**2))) if len(inliers) else float("inf")
-    return JointFit(camera, rms, _equations(camera, problem, stage, sigma_px).information, problem, stage)
+    return JointFit(camera, rms, _equations(camera, problem, kind, sigma_px).information, problem, kind)
 
 
-def held_out_px(camera: LensCamera, problem: JointProblem) -> float:
+def fit_distortion(fit: JointFit) -> JointFit:
+    """The same fit, started from its answer, with focal length, k1 and k2 free; `fit` itself where they were free already."""
+    if fit.problem.free >= FREE["radial"]:
+        return fit
+    return fit_joint(fit.camera, replace(fit.problem, mode="radial"), fit.kind)
+
+
+def rms_gain(fit: JointFit, freer: JointFit) -> float:
+    """By what share (0..1) rms_px falls from `fit` to `freer`."""
+    return max(0.0, 1 - freer.rms_px / max(fit.rms_px, 1e-12))
+
+
+def held_out_px(camera: CameraUnknowns, problem: JointProblem) -> float:
     """Robust mean reprojection error, pixels, of matches that took no part in a fit; each counts up to a few pixels only."""
     squared = (reproject(camera, problem.matches).residual ** 2).sum(0)
     return float(np.sqrt((problem.weights * squared / (1 + squared)).sum() / problem.weights.sum()))
 
 
-def _equations(camera: LensCamera, problem: JointProblem, stage: Stage, sigma_px: FloatArray) -> NormalEquations:
+def _equations(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, sigma_px: FloatArray) -> NormalEquations:
     r = reproject(camera, problem.matches)
     fixed = {"epipolar": np.inf, "depth": 0.0}
-    W = whitening(r, sigma_px, fixed.get(stage, problem.matches.depth_std))
+    W = whitening(r, sigma_px, fixed.get(kind, problem.matches.depth_std))
     white = apply(W, r.residual)
     squared = (white**2).sum(0) / SCALE**2
     front = r.points[2] > 0

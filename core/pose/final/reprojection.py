@@ -17,11 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry.camera import FloatArray
-from ..shared.lens import LensCamera
+from ..shared.lens import CameraUnknowns
 from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 
 MIN_DEPTH = 1e-12
-MIN_LENGTH = 1e-9  # of a line, pixels per scene unit; below it is what rounding leaves of none
+# Pixels per scene unit: a shorter derivative is what rounding leaves of none at all.
+MIN_LENGTH = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,25 +30,25 @@ class Lifted:
     """M matches of any number of views, in the world.
 
     points (3, M): lifted by the rendered depth; rays (3, M): how they move per unit of depth; depth_std (M,), scene units;
-    seen (2, M): pixels in the distorted photo.
+    observed (2, M): pixels in the distorted photo.
     """
 
     points: FloatArray
     rays: FloatArray
     depth_std: FloatArray
-    seen: FloatArray
+    observed: FloatArray
 
     @classmethod
-    def of(cls, views: Sequence[ViewMatches], seen: Sequence[FloatArray]) -> Lifted:
-        """The matches of the views one after the other; `seen` (M_v, 2) of each."""
+    def of(cls, views: Sequence[ViewMatches], observed: Sequence[FloatArray]) -> Lifted:
+        """The matches of the views one after the other; `observed` (M_v, 2) of each."""
         points = np.concatenate([world_points(v) for v in views])
         rays = np.concatenate([bearings(v.view) @ v.pose.R for v in views])
         depth_std = np.concatenate([v.depth_std for v in views])
-        return cls(*map(np.ascontiguousarray, (points.T, rays.T, depth_std, np.concatenate(seen).T)))
+        return cls(*map(np.ascontiguousarray, (points.T, rays.T, depth_std, np.concatenate(observed).T)))
 
     def take(self, keep: BoolArray) -> Lifted:
         """The matches where `keep` (M,) is True."""
-        return Lifted(self.points[:, keep], self.rays[:, keep], self.depth_std[keep], self.seen[:, keep])
+        return Lifted(self.points[:, keep], self.rays[:, keep], self.depth_std[keep], self.observed[:, keep])
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ class Reprojection:
     j = 0, 1.
     """
 
-    camera: LensCamera
+    camera: CameraUnknowns
     residual: FloatArray
     along: FloatArray
     points: FloatArray
@@ -83,14 +84,20 @@ class Reprojection:
         J[3], J[4], J[5] = y * J[2] - z * J[1], z * J[0] - x * J[2], x * J[1] - y * J[0]
         if free:
             focal, r2 = np.array([[k.fx], [k.fy]]), (n * n).sum(0)
-            bent = focal * k.distort_normalised(n.T).T
-            columns = (bent, focal * n * r2, focal * n * r2 * r2, np.array([[k.focal], [0.0]]), np.array([[0.0], [k.focal]]))
+            distorted = focal * k.distort_normalised(n.T).T
+            columns = (
+                distorted,
+                focal * n * r2,
+                focal * n * r2 * r2,
+                np.array([[k.focal], [0.0]]),
+                np.array([[0.0], [k.focal]]),
+            )
             for i, column in enumerate(columns[:free]):
                 J[6 + i] = apply(W, column)
         return J
 
 
-def reproject(camera: LensCamera, matches: Lifted) -> Reprojection:
+def reproject(camera: CameraUnknowns, matches: Lifted) -> Reprojection:
     """Where `camera` sees the matches' points, against where the photo shows them."""
     k, R = camera.intrinsics, camera.pose.R
     p, ray = R @ matches.points + camera.pose.t[:, None], R @ matches.rays
@@ -98,15 +105,15 @@ def reproject(camera: LensCamera, matches: Lifted) -> Reprojection:
     n = p[:2] / z
     slope = np.zeros((2, 2, len(z)))
     if k.has_distortion:
-        bent = k.distort_normalised(n.T).T
+        distorted = k.distort_normalised(n.T).T
         slope[0, 0], slope[0, 1], slope[1, 1] = k.distortion_jacobian(n.T)
         slope[1, 0] = slope[0, 1]
     else:
-        bent = n
+        distorted = n
         slope[0, 0] = slope[1, 1] = 1.0
     focal = np.array([[k.fx], [k.fy]])
     slope *= focal / z
-    residual = focal * bent + [[k.cx], [k.cy]] - matches.seen
+    residual = focal * distorted + [[k.cx], [k.cy]] - matches.observed
     return Reprojection(camera, residual, apply(slope, ray[:2] - n * ray[2]), p, n, slope)
 
 
@@ -126,7 +133,8 @@ def whitening(r: Reprojection, sigma_px: FloatArray | float, sigma_depth: FloatA
     `sigma_px` and `sigma_depth` (scene units): one or (M,). An infinite `sigma_depth` lets the component along say nothing.
     """
     length = _length(r.along)
-    flat = length <= MIN_LENGTH  # no line at zero baseline: the depth moves nothing, and both directions count alike
+    # At zero baseline there is no line: the depth moves nothing, and both directions count alike.
+    flat = length <= MIN_LENGTH
     e = np.where(flat, [[0.0], [-1.0]], r.along / np.maximum(length, MIN_LENGTH))
     with np.errstate(invalid="ignore"):
         spread = np.where(flat, 0.0, length * sigma_depth)

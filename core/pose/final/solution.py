@@ -9,15 +9,16 @@ import numpy as np
 
 from ...geometry.camera import FloatArray, Intrinsics, pose_error
 from ..search.epipolar import EpipolarFit, refine_epipolar
-from ..shared.lens import LensCamera, LensMode
+from ..shared.lens import CameraUnknowns, LensMode
 from ..shared.matches import ViewMatches
-from .joint import JointFit, Stage
+from .joint import FitKind, JointFit
 
-SINGULAR = 1e-13  # ratio of the information's eigenvalues below which a direction is unseen
+# A direction whose eigenvalue of the information is smaller than this share of the largest one is not determined.
+SINGULAR = 1e-13
 
 
 @dataclass(frozen=True)
-class Solution:
+class FittedCamera:
     """`camera`: pose and intrinsics of the image that was matched. `stage`: which fit gave it ("epipolar", "depth", "joint", or
     "loop" where the loop's own answer stands). rms_px: residuals across the epipolar lines, in pixels of the image that was
     matched, whose size is that of the intrinsics. translation_std_units (scene units), rotation_std_deg, focal_std (share of
@@ -27,8 +28,8 @@ class Solution:
     what share (0..1) rms_px falls where focal length, k1 and k2 are free; 0 when they were, or after the loop alone.
     """
 
-    camera: LensCamera
-    stage: Stage | str
+    camera: CameraUnknowns
+    stage: FitKind | str
     rms_px: float
     translation_std_units: float
     rotation_std_deg: float
@@ -39,29 +40,30 @@ class Solution:
     lens_gain: float = 0.0
 
 
-def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics, depth: float, mode: LensMode) -> Solution:
+def from_epipolar(fit: EpipolarFit, views: Sequence[ViewMatches], k: Intrinsics, depth: float, mode: LensMode) -> FittedCamera:
     """The loop's own answer as a solution. `depth`: median rendered depth, scene units."""
     apart = (float("nan"), float("nan"))
     if len(views) >= 4:
         a, b = (refine_epipolar(fit.pose, views[i::2], k.matrix).pose for i in (0, 1))
         apart = pose_error(a, b)
     deviations = _deviations(fit.information, depth)
-    return Solution(LensCamera(fit.pose, k), "loop", fit.rms_px, *deviations, *apart, mode)
+    return FittedCamera(CameraUnknowns(fit.pose, k), "loop", fit.rms_px, *deviations, *apart, mode)
 
 
-def from_joint(fit: JointFit, depth: float) -> Solution:
-    """The last stage's fit as a solution. `depth`: median rendered depth, scene units."""
+def from_joint(fit: JointFit, depth: float, lens_gain: float) -> FittedCamera:
+    """The last stage's fit as a solution. `depth`: median rendered depth, scene units; `lens_gain`: see `FittedCamera`."""
     apart = (float("nan"), float("nan"))
     if len(fit.problem.counts) >= 4:
         a, b = fit.halves()
         apart = pose_error(a.pose, b.pose)
     translation, rotation, focal = _deviations(fit.information, depth)
-    return Solution(fit.camera, fit.stage, fit.rms_px, translation, rotation, focal, *apart, fit.problem.mode, fit.lens_gain)
+    return FittedCamera(fit.camera, fit.kind, fit.rms_px, translation, rotation, focal, *apart, fit.problem.mode, lens_gain)
 
 
 def _deviations(information: FloatArray, depth: float) -> tuple[float, float, float]:
     """Standard deviations: of the centre (scene units), of the rotation (degrees), of log f (NaN when not free)."""
-    # Unit-free first: translations as shares of the depth are of the size of angles, so that singular means singular.
+    # Translations are first expressed as shares of the depth: they are then of the size of angles, and the ratio of eigenvalues
+    # means the same in every scene.
     scale = np.ones(len(information))
     scale[:3] = depth
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))

@@ -19,9 +19,11 @@ from ...geometry.lie import so3_exp, so3_log
 from .two_view import TwoViewPose
 
 IRLS_ROUNDS = 10
-MIN_ROTATION_SCALE_RAD = 2e-4  # floor of the robust scales: below a view's own noise the weights would chase one view
+# The robust scales have a floor: below the noise of a view, the weights would follow a single view.
+MIN_ROTATION_SCALE_RAD = 2e-4
 MIN_DIRECTION_SCALE_RAD = 2e-3
-MIN_RAY_ANGLE_DEG = 1.0  # two rays closer than this do not fix a centre
+# Two rays that are closer to parallel than this do not determine a centre.
+MIN_RAY_ANGLE_DEG = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,7 @@ def consensus_pose(views: Sequence[Pose], relative: Sequence[TwoViewPose], suppo
     absolute = [rel.R @ view.R for view, rel in zip(views, relative, strict=True)]
     rotation, rotation_weights = _mean_rotation(absolute, support)
     centres = np.array([view.centre for view in views])
-    # With each view's own rotation: its ray in the world then does not depend on the other views.
+    # Each ray is turned into the world by its own view's rotation, so that it does not depend on the other views.
     rays = np.array([-R.T @ rel.t for R, rel in zip(absolute, relative, strict=True)])
     solved = _intersect_rays(centres, rays, support * rotation_weights)
     if solved is None:

@@ -1,12 +1,14 @@
 """Pose, and focal length when it is unknown, from matches lifted by the rendered depth (2D-3D), pooled over all views.
 
-One view's essential matrix needs enough matches of its own; three lifted matches of any views make a pose, so that a start too
-far for every single view may still come home. It serves as a hypothesis: the stages after it do not lean on the depth.
+The essential matrix of a view needs enough matches in that one view. Three lifted matches of any views make a pose, so that a
+start that is too far off for every single view may still lead to the right one. The pose serves as a hypothesis: the stages
+after it do not depend on the rendered depth.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,12 +19,22 @@ from ..shared.matches import ViewMatches, world_points
 from ..shared.robust import robust_std
 
 MIN_POINTS = 12
-RANSAC_PX = 6.0  # wide: the depth of another view is off by more than a keypoint is
+# The limit is wide, because a depth rendered in another view is less accurate than a keypoint.
+RANSAC_PX = 6.0
 RANSAC_ITERATIONS = 1000
 CAP_PX = 8.0
 POLISH_STEPS = 20
 MIN_SIGMA_PX = 0.5
-FOCAL_SCALES = np.geomspace(0.6, 1.7, 14)  # next to each other by 8 %; the polish reaches half of that
+# Neighbouring factors differ by 8 per cent, and the polish bridges half of that.
+FOCAL_SCALES = np.geomspace(0.6, 1.7, 14)
+
+
+@dataclass(frozen=True)
+class ScaledPose:
+    """A pose, and the focal length that it holds for as a multiple `scale` of the given one."""
+
+    pose: Pose
+    scale: float
 
 
 def lifted(views: Sequence[ViewMatches]) -> tuple[FloatArray, FloatArray]:
@@ -35,7 +47,7 @@ def lifted(views: Sequence[ViewMatches]) -> tuple[FloatArray, FloatArray]:
     return points[known], query[known]
 
 
-def pnp_pose(views: Sequence[ViewMatches], focal: float, scales: FloatArray | None = None) -> tuple[Pose, float] | None:
+def pnp_pose(views: Sequence[ViewMatches], focal: float, scales: FloatArray | None = None) -> ScaledPose | None:
     """The photo's pose, and its focal length as a multiple of `focal` (pixels); None when the matches hold no pose.
 
     Without `scales` the focal length is known and the multiple is 1; with them, each is tried and the best one polished.
@@ -43,69 +55,72 @@ def pnp_pose(views: Sequence[ViewMatches], focal: float, scales: FloatArray | No
     points, query = lifted(views)
     if len(points) < MIN_POINTS:
         return None
-    found = [
-        (scale, pose) for scale in (scales if scales is not None else (1.0,)) if (pose := _sample(points, query / scale, focal))
+    options = [
+        ScaledPose(pose, float(scale))
+        for scale in (scales if scales is not None else (1.0,))
+        if (pose := ransac_pose(points, query / scale, RANSAC_PX / focal, RANSAC_ITERATIONS))
     ]
-    if not found:
+    if not options:
         return None
-    scale, pose = min(found, key=lambda option: _cost(option[1], option[0], points, query, focal))
-    return polish(pose, float(scale), points, query, focal, free_focal=scales is not None)
+    best = min(options, key=lambda option: _cost(option, points, query, focal))
+    return polish(best, points, query, focal, free_focal=scales is not None)
 
 
-def _sample(points: FloatArray, query: FloatArray, focal: float) -> Pose | None:
+def ransac_pose(points: FloatArray, observed: FloatArray, tolerance: float, rounds: int) -> Pose | None:
+    """The pose under which most `points` (N, 3) fall within `tolerance` of `observed` (N, 2), both in ideal image-plane
+    coordinates, after at most `rounds` samples; None where there is no such pose.
+    """
     try:
         ok, rotation, translation, _ = cv2.solvePnPRansac(
-            points,
-            query,
+            np.ascontiguousarray(points, np.float64),
+            np.ascontiguousarray(observed, np.float64),
             np.eye(3),
             None,
-            iterationsCount=RANSAC_ITERATIONS,
-            reprojectionError=RANSAC_PX / focal,
+            iterationsCount=rounds,
+            reprojectionError=tolerance,
             confidence=0.999,
             flags=cv2.SOLVEPNP_AP3P,
         )
-    except cv2.error:  # raised on degenerate points; they hold no pose
+    except cv2.error:  # OpenCV raises it on degenerate points, which hold no pose.
         return None
     if not ok or not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
         return None
     return Pose(np.asarray(cv2.Rodrigues(rotation)[0], np.float64), np.asarray(translation, np.float64).ravel())
 
 
-def _reproject(pose: Pose, scale: float, points: FloatArray, query: FloatArray, focal: float) -> tuple[FloatArray, FloatArray]:
+def _reproject(camera: ScaledPose, points: FloatArray, query: FloatArray, focal: float) -> tuple[FloatArray, FloatArray]:
     """Residuals (N, 2) in pixels and camera-space points (N, 3)."""
-    p = pose.transform(points)
+    p = camera.pose.transform(points)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return (p[:, :2] / p[:, 2:] * scale - query) * focal, p
+        return (p[:, :2] / p[:, 2:] * camera.scale - query) * focal, p
 
 
-def _cost(pose: Pose, scale: float, points: FloatArray, query: FloatArray, focal: float) -> float:
-    r, p = _reproject(pose, scale, points, query, focal)
+def _cost(camera: ScaledPose, points: FloatArray, query: FloatArray, focal: float) -> float:
+    """Mean reprojection error in pixels, each counted up to CAP_PX."""
+    r, p = _reproject(camera, points, query, focal)
     distance = np.where(p[:, 2] > 0, np.linalg.norm(r, axis=1), CAP_PX)
     return float(np.minimum(distance, CAP_PX).mean())
 
 
-def polish(
-    pose: Pose, scale: float, points: FloatArray, query: FloatArray, focal: float, free_focal: bool
-) -> tuple[Pose, float]:
+def polish(camera: ScaledPose, points: FloatArray, query: FloatArray, focal: float, free_focal: bool) -> ScaledPose:
     """Robust least squares (Geman-McClure weights) over the pose and, if free, the logarithm of the focal length."""
     count = 7 if free_focal else 6
     for _ in range(POLISH_STEPS):
-        r, p = _reproject(pose, scale, points, query, focal)
+        r, p = _reproject(camera, points, query, focal)
         front = p[:, 2] > 0
         r, p = r[front], p[front]
         if len(r) < MIN_POINTS:
             break
         distance = np.linalg.norm(r, axis=1)
         weight = 1 / (1 + (distance / robust_std(distance, MIN_SIGMA_PX)) ** 2) ** 2
-        J = _jacobian(p, scale, focal)[:, :, :count]
+        J = _jacobian(p, camera.scale, focal)[:, :, :count]
         H = np.einsum("nij,nik,n->jk", J, J, weight) + 1e-12 * np.eye(count)
         step = -np.linalg.solve(H, np.einsum("nij,ni,n->j", J, r, weight))
-        pose = se3_exp(step[:6]) @ pose
-        if free_focal:
-            scale *= float(np.exp(np.clip(step[6], -0.2, 0.2)))
+        grow = float(np.exp(np.clip(step[6], -0.2, 0.2))) if free_focal else 1.0
+        camera = ScaledPose(se3_exp(step[:6]) @ camera.pose, camera.scale * grow)
         if np.abs(step).max() < 1e-10:
             break
-    return pose, scale
+    return camera
 
 
 def _jacobian(p: FloatArray, scale: float, focal: float) -> FloatArray:

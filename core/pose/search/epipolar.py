@@ -19,7 +19,8 @@ from ..shared.least_squares import NormalEquations, levenberg_marquardt
 from ..shared.matches import ViewMatches, bearings
 from ..shared.robust import robust_std
 
-MIN_LINE_NORM = 1e-9  # a view at the very pose of the photo has no lines; this keeps its zeros finite
+# A view at the very pose of the photo has no epipolar lines; this bound keeps the divisions finite.
+MIN_LINE_NORM = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +94,12 @@ def measure_epipolar(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) ->
     it. With Huber's weights in it J^T W J is the inverse covariance to 1 % where the residuals are Gaussian.
     """
     sigmas = view_sigmas(pose, views, K)
-    at = _normal_equations(pose, views, sigmas, K)
-    information = at.information / view_weight(views)
+    equations = _normal_equations(pose, views, sigmas, K)
+    information = equations.information / view_weight(views)
     residuals = [epipolar_distances(pose, v, K) for v in views]
     inliers = np.concatenate([d[np.abs(d) < 3 * s] for d, s in zip(residuals, sigmas, strict=True)])
     rms = float(np.sqrt(np.mean(inliers**2))) if len(inliers) else float("inf")
-    return EpipolarFit(pose, at.cost, sigmas, rms, information)
+    return EpipolarFit(pose, equations.cost, sigmas, rms, information)
 
 
 def view_sigmas(pose: Pose, views: Sequence[ViewMatches], K: FloatArray) -> FloatArray:

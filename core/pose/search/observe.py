@@ -21,11 +21,14 @@ from ..shared.working import GreyImage, WorkingPhoto
 
 
 @dataclass(frozen=True)
-class Query:
+class PhotoFeatures:
     """The photo at working size with its features, which lie in its distorted pixels."""
 
     image: WorkingPhoto
     features: Features
+
+    def __len__(self) -> int:
+        return len(self.features)
 
     @property
     def pinhole(self) -> Intrinsics:
@@ -36,19 +39,19 @@ class Query:
         """Ideal image-plane coordinates of the features (N, 2), lens distortion undone."""
         return self.image.intrinsics.normalise(self.features.keypoints)
 
-    def with_intrinsics(self, k: Intrinsics) -> Query:
+    def with_intrinsics(self, k: Intrinsics) -> PhotoFeatures:
         """The same photo and features under another lens."""
-        return Query(self.image.with_intrinsics(k), self.features)
+        return PhotoFeatures(self.image.with_intrinsics(k), self.features)
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """One rendered view and its matches with the photo. `camera` is the pinhole it was drawn with, `grey` (H, W) uint8 the
+    """One rendered view and its matches with the photo. `pinhole` are the intrinsics it was drawn with, `grey` (H, W) uint8 the
     render, `solid` (H, W) where it is opaque, `median_depth` over that (NaN when there is none), scene units.
     """
 
     matches: ViewMatches
-    camera: Intrinsics
+    pinhole: Intrinsics
     grey: GreyImage
     solid: BoolArray
     median_depth: float
@@ -63,10 +66,10 @@ class Observation:
         return self.matches.pose
 
 
-def make_query(photo: Photo, intrinsics: Intrinsics, long_side_px: int, frontend: Frontend) -> Query:
+def extract_photo_features(photo: Photo, intrinsics: Intrinsics, long_side_px: int, frontend: Frontend) -> PhotoFeatures:
     """Resizes the photo and its camera to the working size and extracts its features once."""
     image = WorkingPhoto.of(photo, intrinsics, long_side_px)
-    return Query(image, frontend.photo_features(image.raw, image.mask))
+    return PhotoFeatures(image, frontend.photo_features(image.raw, image.mask))
 
 
 def grey_of(view: RenderedView) -> GreyImage:
@@ -75,18 +78,18 @@ def grey_of(view: RenderedView) -> GreyImage:
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
-def observe(renderer: ViewRenderer, query: Query, pose: Pose, reference: bool, frontend: Frontend) -> Observation:
+def observe(renderer: ViewRenderer, photo: PhotoFeatures, pose: Pose, reference: bool, frontend: Frontend) -> Observation:
     """Renders the splat at `pose` with the photo's pinhole camera and matches the photo with it."""
-    pinhole = query.pinhole
+    pinhole = photo.pinhole
     view = renderer.render(pinhole, pose)
     grey = grey_of(view)
     solid = solid_part(view)
     features = frontend.extractor.extract(grey, solid)
-    pairs = frontend.matcher.match(query.features, features).indices
-    pairs = _distinct(pairs, query.features.keypoints, features.keypoints)
+    pairs = frontend.matcher.match(photo.features, features).indices
+    pairs = _distinct(pairs, photo.features.keypoints, features.keypoints)
     pixels = features.keypoints[pairs[:, 1]]
     depth, std = depth_at(view, pixels)
-    matches = ViewMatches(pose, query.points[pairs[:, 0]], pinhole.normalise(pixels), depth, std, reference)
+    matches = ViewMatches(pose, photo.points[pairs[:, 0]], pinhole.normalise(pixels), depth, std, reference)
     median = float(np.median(view.depth[solid])) if solid.any() else float("nan")
     return Observation(matches, pinhole, grey, solid, median)
 
@@ -98,16 +101,11 @@ def _distinct(pairs: NDArray[np.intp], a: FloatArray, b: FloatArray) -> NDArray[
     return pairs[np.sort(first)]
 
 
-def align_matches(observation: Observation, query: Query, keep: BoolArray, aligner: SubpixelAligner) -> ViewMatches:
+def align_matches(observation: Observation, photo: PhotoFeatures, keep: BoolArray, aligner: SubpixelAligner) -> ViewMatches:
     """The matches in `keep` (M,), their places in the view aligned to the photo's patches; what does not align is left out."""
     matches, view = observation.matches.take(keep), normalise_locally(observation.grey)
-    there = observation.camera
+    pinhole = observation.pinhole
     pixels, good = aligner.align(
-        query.image.aligned, view, to_pixels(query.pinhole, matches.query), to_pixels(there, matches.view)
+        photo.image.aligned, view, photo.pinhole.to_pixels(matches.query), pinhole.to_pixels(matches.view)
     )
-    return replace(matches, view=there.normalise(pixels)).take(good)
-
-
-def to_pixels(pinhole: Intrinsics, points: FloatArray) -> FloatArray:
-    """Image-plane points (N, 2) as pixels of a camera without distortion."""
-    return points * (pinhole.fx, pinhole.fy) + (pinhole.cx, pinhole.cy)
+    return replace(matches, view=pinhole.normalise(pixels)).take(good)

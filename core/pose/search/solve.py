@@ -13,15 +13,18 @@ from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 from .consistency import consensus_pose
 from .depth_pnp import pnp_pose
 from .epipolar import EpipolarFit, epipolar_distances, measure_epipolar, refine_epipolar
-from .observe import Observation, Query, align_matches
+from .observe import Observation, PhotoFeatures, align_matches
 from .two_view import TwoViewPose, two_view_pose
 
-MIN_VIEW_INLIERS = 15  # an essential matrix on fewer is as often chance as geometry
+# An essential matrix with fewer inliers is as likely to be chance as geometry.
+MIN_VIEW_INLIERS = 15
 RANSAC_PX = 1.0
-GATE_PX = 3.0  # a match within this of the coarse pose's line goes into the fine stage, whatever RANSAC thought of it
+# A match within this distance of its line at the coarse pose goes into the fine stage, also if RANSAC rejected it.
+GATE_PX = 3.0
 MIN_FINE_MATCHES = 12
 MIN_PARALLAX_PX = 3.0
-DEPTH_TOLERANCE = 0.25  # of the depth: a match whose lifted point lands farther off than this allows lies along its line
+# A match may lie along its line as far off as an error of this share of the depth would move it.
+DEPTH_TOLERANCE = 0.25
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ def coarse_pose(
     matches = [o.matches for o in observations]
     pooled = pnp_pose(matches, focal_of(K)) if multiview else None
     if pooled is not None:
-        options.append(pooled[0])
+        options.append(pooled.pose)
     if not options:
         return None
     scores = [agreement(pose, matches, K) for pose in options]
@@ -87,7 +90,7 @@ def single_view_pose(view: UsableView) -> Pose | None:
     inliers, relative = view.inliers, view.relative
     s, q = bearings(inliers.view), bearings(inliers.query)
     r = s @ relative.R.T
-    # Depth in the view for a baseline of 1: a q = b r + t, b by cross product with q.
+    # The depths a and b satisfy a q = b r + t for a baseline of 1; the cross product with q gives b, the depth in the view.
     qr, qt = np.cross(q, r), np.cross(q, relative.t)
     with np.errstate(divide="ignore", invalid="ignore"):
         unit_depth = -(qr * qt).sum(1) / (qr * qr).sum(1)
@@ -105,20 +108,22 @@ def gate(pose: Pose, matches: ViewMatches, K: FloatArray, gate_px: float = GATE_
     points = pose.transform(world_points(matches))
     with np.errstate(invalid="ignore"):
         offset = np.linalg.norm((points[:, :2] / points[:, 2:] - matches.query) * (K[0, 0], K[1, 1]), axis=1)
-        # Parallax that a depth error of DEPTH_TOLERANCE makes: that share of the pair's own parallax.
+        # The parallax that a depth error of DEPTH_TOLERANCE makes is that share of the pair's own parallax.
         baseline = np.linalg.norm(pose.centre - matches.pose.centre)
         allowed = gate_px + DEPTH_TOLERANCE * focal_of(K) * baseline / np.abs(points[:, 2])
         misplaced = (points[:, 2] <= 0) | (offset > allowed)
     return np.asarray(on_line & ~misplaced)
 
 
-def fine_matches(pose: Pose, observations: Sequence[Observation], query: Query, frontend: Frontend) -> list[ViewMatches]:
+def fine_matches(
+    pose: Pose, observations: Sequence[Observation], photo: PhotoFeatures, frontend: Frontend
+) -> list[ViewMatches]:
     """All views' matches that fit `pose`, aligned to sub-pixel. Left out: views with too few of them, and views so close to
     `pose` that there is no parallax, whose epipolar lines turn with the noise (unless there are no others).
     """
-    K = query.pinhole.matrix
+    K = photo.pinhole.matrix
     apart = [o for o in observations if _parallax_px(pose, o, K) >= MIN_PARALLAX_PX] or observations
-    aligned = [align_matches(o, query, gate(pose, o.matches, K), frontend.aligner) for o in apart]
+    aligned = [align_matches(o, photo, gate(pose, o.matches, K), frontend.aligner) for o in apart]
     return [m for m in aligned if len(m) >= MIN_FINE_MATCHES]
 
 

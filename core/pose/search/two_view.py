@@ -13,10 +13,13 @@ import numpy as np
 from ...geometry.camera import FloatArray
 from ..shared.matches import BoolArray, ViewMatches, bearings
 
-MIN_MATCHES = 8  # the samplers of OpenCV raise or return nonsense below 5; 8 leaves a check on the 5-point fit
-MAX_RANSAC_ITERATIONS = 10_000  # OpenCV's default of 1000 loses wide pairs
+# OpenCV's samplers raise or return nonsense below 5 matches; 8 leave some that check the 5-point fit.
+MIN_MATCHES = 8
+# With OpenCV's default of 1000 iterations, pairs of distant views are lost.
+MAX_RANSAC_ITERATIONS = 10_000
 CONFIDENCE = 0.999
-MAX_ESSENTIAL_NORM = 1e3  # a valid essential matrix comes back with norm about 1; USAC returns 1e22 on degenerate points
+# A valid essential matrix has a norm of about 1; OpenCV's USAC returns 1e22 for degenerate points.
+MAX_ESSENTIAL_NORM = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +40,8 @@ def two_view_pose(matches: ViewMatches, threshold: float) -> TwoViewPose | None:
         return None
     found = _essential(matches, threshold, cv2.USAC_MAGSAC)
     if found is None or found[1].sum() < 0.5 * len(matches):
-        # Few inliers: the second sampler often saves a wide pair that the first one lost.
+        # Where the first sampler finds few inliers, the second one often finds the pair of distant views that the first one
+        # lost.
         other = _essential(matches, threshold, cv2.USAC_ACCURATE)
         if other is not None and (found is None or other[1].sum() > found[1].sum()):
             found = other

@@ -11,7 +11,8 @@ import numpy as np
 from ...geometry.camera import FloatArray
 
 MAX_STEPS = 30
-MIN_GAIN = 1e-7  # relative fall of the cost, had or at best to be had, under which the search has ended
+# The search ends when the cost falls, or could at best fall, by less than this share of it.
+MIN_GAIN = 1e-7
 MAX_DAMPING = 1e8
 
 State = TypeVar("State")

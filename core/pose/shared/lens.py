@@ -1,4 +1,4 @@
-"""The lens as an unknown: which of its numbers are free, how a step moves them, and what is believed of them beforehand."""
+"""The lens as an unknown: which of its numbers are solved for, how a step changes them, and the prior on them."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from ...geometry.lie import se3_exp
 
 LensMode = Literal["fixed", "focal", "radial", "full"]
 
-# What a step of the lens consists of; a mode frees the first so many. Deviations of the prior: a focal length guessed from EXIF
-# or by eye is off by a quarter at times, phones' k1 and k2 by a tenth, principal points by some per cent.
+# The numbers that a step of the lens changes, in this order; each mode solves for the first FREE[mode] of them. PRIOR_STD holds
+# the standard deviations of the prior: a focal length guessed from EXIF or by eye is sometimes off by a quarter, k1 and k2 of
+# phones by a tenth, and principal points by some per cent.
 NAMES = ("log f", "k1", "k2", "cx / f", "cy / f")
 PRIOR_STD = np.array([0.3, 0.1, 0.1, 0.02, 0.02])
 FREE: dict[LensMode, int] = {"fixed": 0, "focal": 1, "radial": 3, "full": 5}
@@ -21,18 +22,18 @@ MAX_LOG_STEP = 0.2
 
 
 @dataclass(frozen=True)
-class LensCamera:
+class CameraUnknowns:
     """The unknowns of a fit: a pose, and the intrinsics (of the image that is matched)."""
 
     pose: Pose
     intrinsics: Intrinsics
 
-    def moved(self, step: FloatArray) -> LensCamera:
-        """After a step (6 + free lens numbers,): T <- exp(xi) T, f <- f exp(.), the rest added."""
+    def moved(self, step: FloatArray) -> CameraUnknowns:
+        """The unknowns after a step (6 + free lens numbers,): T <- exp(xi) T, f <- f exp(step); the other numbers are added."""
         lens = np.zeros(len(NAMES))
         lens[: len(step) - 6] = step[6:]
         k = moved_lens(self.intrinsics, lens) if len(step) > 6 else self.intrinsics
-        return LensCamera(se3_exp(step[:6]) @ self.pose, k)
+        return CameraUnknowns(se3_exp(step[:6]) @ self.pose, k)
 
 
 def moved_lens(k: Intrinsics, step: FloatArray) -> Intrinsics:

@@ -1,4 +1,4 @@
-"""The spread of residuals that hold outliers."""
+"""The standard deviation of residuals among which there are outliers."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import numpy as np
 
 from ...geometry.camera import FloatArray
 
-MAD_TO_STD = 1.4826  # of a Gaussian: its standard deviation as a multiple of the median of its absolute values
-MIN_SIGMA_PX = 0.15  # residuals of matches cannot be trusted to be quieter than keypoints are
+# The standard deviation of a Gaussian is this multiple of the median of its absolute values.
+MAD_TO_STD = 1.4826
+# Keypoints are no more accurate than this, so that smaller residuals must not be believed.
+MIN_SIGMA_PX = 0.15
 
 
 def robust_std(residuals: FloatArray, floor: float = MIN_SIGMA_PX) -> float:

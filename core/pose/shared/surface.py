@@ -11,8 +11,10 @@ from ...geometry.conventions import to_opencv_pixels
 from ...render.view import RenderedView
 from .matches import BoolArray
 
-MIN_ALPHA = 0.5  # below this a pixel of the render shows the background as much as the scan
-MIN_DEPTH_STD_RATIO = 1e-3  # of the depth; no rendered depth is known better
+# Below this alpha a pixel of the render shows the background as much as the scan.
+MIN_ALPHA = 0.5
+# No rendered depth is believed to be known better than to this share of it.
+MIN_DEPTH_STD_RATIO = 1e-3
 
 
 def solid_part(view: RenderedView) -> BoolArray:
@@ -39,6 +41,6 @@ def sample(image: NDArray[np.float32], pixels: FloatArray) -> FloatArray:
     """`image` (H, W) at `pixels` (N, 2), bilinear, as float64 (N,)."""
     if len(pixels) == 0:
         return np.zeros(0)
-    at = np.ascontiguousarray(to_opencv_pixels(pixels), np.float32)
-    found = cv2.remap(image, at[:, :1], at[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(found, np.float64).ravel()
+    places = np.ascontiguousarray(to_opencv_pixels(pixels), np.float32)
+    values = cv2.remap(image, places[:, :1], places[:, 1:], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(values, np.float64).ravel()

@@ -1,4 +1,4 @@
-"""The photo at the size that a stage works at: scaled, straightened, evened out."""
+"""The photo at the size that a stage works at: scaled, undistorted, and with its contrast evened out."""
 
 from __future__ import annotations
 
@@ -17,9 +17,12 @@ from .matches import BoolArray
 
 GreyImage = NDArray[np.uint8]
 
-NARROW = 96.0  # grey levels between the darkest and brightest hundredth; a photo with fewer is underexposed or hazy
-TAILS = (1.0, 99.0)  # per cent of the pixels
-STRETCHED = (16.0, 239.0)  # levels that these go to
+# A photo with fewer grey levels between its darkest and its brightest hundredth of pixels is underexposed or hazy.
+NARROW = 96.0
+# The percentiles between which the contrast is measured.
+TAILS = (1.0, 99.0)
+# The grey levels that these two percentiles are stretched to.
+STRETCHED = (16.0, 239.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,7 @@ class WorkingPhoto:
         return cls(k, raw, mask, grey, normalise_locally(grey), usable, photo_px)
 
     def with_intrinsics(self, k: Intrinsics) -> WorkingPhoto:
-        """The same pixels under another lens. Only a changed distortion or principal point costs a new straightening."""
+        """The same pixels under other intrinsics. The photo is undistorted anew only where either of them has distortion."""
         if not (k.has_distortion or self.intrinsics.has_distortion):
             return replace(self, intrinsics=k)
         return self._made(k, self.raw, self.mask, self.photo_px)
@@ -72,13 +75,13 @@ def exposed(pixels: NDArray[np.uint8], size: tuple[int, int], mask: BoolArray | 
     of the result) leaves out does not count; a photo without any contrast stays as it is.
     """
     grey = _scaled(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), size)
-    seen = mask if mask is not None and mask.any() else np.ones(grey.shape, bool)
-    low, high = np.percentile(grey[seen], TAILS)
+    usable = mask if mask is not None and mask.any() else np.ones(grey.shape, bool)
+    low, high = np.percentile(grey[usable], TAILS)
     if high - low >= NARROW or high <= low:
         return np.asarray(grey, np.uint8)
-    # from the pixels anew: averaging finds levels between those that rounding left
+    # The photo is reduced once more in floating point, because averaging finds levels between those that rounding left.
     fine = _scaled(cv2.cvtColor(pixels.astype(np.float32), cv2.COLOR_RGB2GRAY), size)
-    low, high = np.percentile(fine[seen], TAILS)
+    low, high = np.percentile(fine[usable], TAILS)
     bottom, top = STRETCHED
     fine = (fine - low) * ((top - bottom) / max(high - low, 1.0)) + (bottom + 0.5)
     return np.asarray(np.clip(fine, 0, 255), np.uint8)

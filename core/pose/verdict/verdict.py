@@ -8,70 +8,71 @@ of the corners (least with 40 % of the photo covered), poses of another place, o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...geometry.camera import Intrinsics, Pose
-from ..final.solution import Solution
+from ..final.solution import FittedCamera
 from ..report import PoseQuality, Verdict
+from ..shared.corners import filled_cells
 from ..shared.matches import ViewMatches
-from . import words
+from . import sentences
 from .verify import FinalView
 
 CELLS = 6
 
-MIN_CORNERS = 30  # of the photo over the splat; fewer cannot tell a right pose from a wrong one
-FEWEST_CORNERS = 10  # fewer cannot even support one, whatever they show
+# With fewer corners of the photo over the splat, right poses cannot be told from wrong ones.
+MIN_CORNERS = 30
+# With fewer than this, not even perfect agreement supports a pose.
+FEWEST_CORNERS = 10
 FAILED_AGREEMENT = 0.25
 TRUSTED_AGREEMENT = 0.36
 TRUSTED_VIEWS = 4
 TRUSTED_INLIERS = 100
 TRUSTED_COVERAGE = 0.25
-TRUSTED_RMS_PX = 1.0  # of the photo with a long side of RMS_LONG_SIDE_PX, or of the photo itself where that is smaller
+# In pixels of the photo, reduced to a long side of RMS_LONG_SIDE_PX where it is larger.
+TRUSTED_RMS_PX = 1.0
 RMS_LONG_SIDE_PX = 1280
-TRUSTED_DISAGREEMENT_PCT = 0.5  # of the median depth
+# Per cent of the median depth.
+TRUSTED_DISAGREEMENT_PCT = 0.5
 TRUSTED_DISAGREEMENT_DEG = 0.4
-TRUSTED_STD_PCT = 0.5  # of the median depth
+# Per cent of the median depth.
+TRUSTED_STD_PCT = 0.5
 TRUSTED_FOCAL_STD_PCT = 1.0
-TRUSTED_LENS_GAIN_PCT = 32.0  # on two scans up to 29 with the right lens, 27 to 59 without its distortion
+# On two scans the gain reached 29 per cent with the right lens, and lay between 27 and 59 per cent without its distortion.
+TRUSTED_LENS_GAIN_PCT = 32.0
 
-# A fit's covariance knows the noise of its matches, not where the splat itself is off, which all views share. On two scans the
-# errors of pose and focal length were 1.8 and 2.3 times (RMS) what the last stage's fit said; those of the loop's answer,
-# whose fit takes all matches for independent, 5.7 times (14 near starts, final "none").
+# The covariance of a fit contains the noise of its matches, but not the errors of the splat itself, which all views share. On
+# two scans the errors of pose and focal length were 1.8 and 2.3 times (RMS) the deviations from the last stage's fit. Those of
+# the loop's answer, whose fit takes all matches for independent, were 5.7 times the deviations (14 near starts, final "none").
 SHARED_ERROR = 2.0
 LOOP_SHARED_ERROR = 5.7
 
 
 @dataclass(frozen=True)
-class Matched:
-    """The loop's matches, found without knowing the answer: of each view, made with the pinhole `camera`; and the median
+class LoopMatches:
+    """The loop's matches, found without knowing the answer: of each view, made with the intrinsics `pinhole`; and the median
     rendered depth there, scene units.
     """
 
     views: Sequence[ViewMatches]
-    camera: Intrinsics
+    pinhole: Intrinsics
     median_depth: float
 
 
-def assess(solution: Solution, loop: Matched, seen: FinalView, photo: Intrinsics) -> PoseQuality:
+def assess(solution: FittedCamera, loop: LoopMatches, final: FinalView, photo: Intrinsics) -> PoseQuality:
     """Gathers the evidence for a solution. `photo`: the camera of the photo at its full size."""
     depth = loop.median_depth
     pose, matched = solution.camera.pose, solution.camera.intrinsics
     photo_px = max(photo.width, photo.height) / max(matched.width, matched.height)
     shared = LOOP_SHARED_ERROR if solution.stage == "loop" else SHARED_ERROR
-    return PoseQuality(
+    return replace(
+        _render_evidence(pose, final, photo, depth),
         of="refined",
-        pose=pose,
-        photo_long_side_px=max(photo.width, photo.height),
-        median_depth=depth,
-        corners=seen.corners,
-        agreement=seen.agreement,
-        offset_px_of_photo=seen.offset_px_of_photo,
-        similarity=seen.similarity,
         views_used=len(loop.views),
         inliers=sum(len(v) for v in loop.views),
-        coverage=_coverage(loop.views, loop.camera),
+        coverage=_coverage(loop.views, loop.pinhole),
         rms_px_of_photo=photo_px * solution.rms_px,
         disagreement_pct=100 * solution.apart_units / depth,
         disagreement_deg=solution.apart_deg,
@@ -82,17 +83,22 @@ def assess(solution: Solution, loop: Matched, seen: FinalView, photo: Intrinsics
     )
 
 
-def assess_start(pose: Pose, seen: FinalView, photo: Intrinsics, depth: float) -> PoseQuality:
+def assess_start(pose: Pose, final: FinalView, photo: Intrinsics, depth: float) -> PoseQuality:
     """The evidence for a start camera that is kept: what the splat rendered through it shows, for no fit had a part in it."""
+    return _render_evidence(pose, final, photo, depth)
+
+
+def _render_evidence(pose: Pose, final: FinalView, photo: Intrinsics, depth: float) -> PoseQuality:
+    """The part of the evidence that the final render alone gives."""
     return PoseQuality(
         of="start",
         pose=pose,
         photo_long_side_px=max(photo.width, photo.height),
         median_depth=depth,
-        corners=seen.corners,
-        agreement=seen.agreement,
-        offset_px_of_photo=seen.offset_px_of_photo,
-        similarity=seen.similarity,
+        corners=final.corners,
+        agreement=final.agreement,
+        offset_px_of_photo=final.offset_px_of_photo,
+        similarity=final.similarity,
     )
 
 
@@ -101,33 +107,34 @@ def judge(quality: PoseQuality) -> tuple[Verdict, tuple[str, ...]]:
     q = quality
     few = q.corners < MIN_CORNERS
     if few and (q.corners < FEWEST_CORNERS or q.agreement < TRUSTED_AGREEMENT):
-        return "failed", (words.too_few_corners(q),)
+        return "failed", (sentences.too_few_corners(q),)
     if not q.agreement >= FAILED_AGREEMENT:
-        return "failed", (words.another_place(q),)
+        return "failed", (sentences.another_place(q),)
     doubts = _doubts(q)
-    return ("check", tuple(doubts)) if doubts else ("trusted", words.trusted(q))
+    return ("check", tuple(doubts)) if doubts else ("trusted", sentences.trusted(q))
 
 
 def _doubts(q: PoseQuality) -> list[str]:
-    # Each comparison is false for NaN, and so are those that must doubt a figure that there is not: hence `not <=` there.
+    # A comparison with NaN, which stands for an unknown figure, is false. Where an unknown figure is a reason for doubt, the
+    # test is therefore written `not <=`.
     apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
     checks = [
-        (q.corners < MIN_CORNERS, words.few_corners),
-        (q.agreement < TRUSTED_AGREEMENT, words.fits_in_part),
-        (q.views_used < TRUSTED_VIEWS, words.few_views),
-        (q.inliers < TRUSTED_INLIERS, words.few_matches),
-        (not q.coverage >= TRUSTED_COVERAGE, words.uncovered),
-        (not rms_px(q) <= TRUSTED_RMS_PX, words.views_apart),
-        (not apart, words.halves_apart),
-        (not q.translation_std_pct <= TRUSTED_STD_PCT, words.place_uncertain),
-        (q.focal_std_pct > TRUSTED_FOCAL_STD_PCT, words.focal_uncertain),  # NaN, when it was not solved for, is no doubt
-        (q.lens_gain_pct > TRUSTED_LENS_GAIN_PCT, words.other_lens),
+        (q.corners < MIN_CORNERS, sentences.few_corners),
+        (q.agreement < TRUSTED_AGREEMENT, sentences.fits_in_part),
+        (q.views_used < TRUSTED_VIEWS, sentences.few_views),
+        (q.inliers < TRUSTED_INLIERS, sentences.few_matches),
+        (not q.coverage >= TRUSTED_COVERAGE, sentences.uncovered),
+        (not rms_px(q) <= TRUSTED_RMS_PX, sentences.views_apart),
+        (not apart, sentences.halves_apart),
+        (not q.translation_std_pct <= TRUSTED_STD_PCT, sentences.place_uncertain),
+        (q.focal_std_pct > TRUSTED_FOCAL_STD_PCT, sentences.focal_uncertain),  # NaN, when it was not solved for, is no doubt
+        (q.lens_gain_pct > TRUSTED_LENS_GAIN_PCT, sentences.other_lens),
     ]
     return [sentence(q) for doubtful, sentence in checks if doubtful]
 
 
 def rms_px(q: PoseQuality) -> float:
-    """The RMS in the one unit of its threshold, whatever size the photo has and was matched at."""
+    """The RMS in the unit of TRUSTED_RMS_PX, whatever size the photo has and was matched at."""
     return q.rms_px_of_photo * min(1.0, RMS_LONG_SIDE_PX / q.photo_long_side_px)
 
 
@@ -138,9 +145,7 @@ def fits_better(start: FinalView, refined: FinalView, margin: float) -> bool:
     return start.corners >= MIN_CORNERS and start.agreement > refined.agreement + margin
 
 
-def _coverage(views: Sequence[ViewMatches], camera: Intrinsics) -> float:
+def _coverage(views: Sequence[ViewMatches], pinhole: Intrinsics) -> float:
     """Share of the photo's CELLS x CELLS cells with at least one match in any view."""
     points = np.concatenate([v.query for v in views]) if views else np.zeros((0, 2))
-    pixels = points * (camera.fx, camera.fy) + (camera.cx, camera.cy)
-    cells = np.clip((pixels / (camera.width, camera.height) * CELLS).astype(int), 0, CELLS - 1)
-    return len(np.unique(cells, axis=0)) / CELLS**2
+    return filled_cells(pinhole.to_pixels(points), (pinhole.width, pinhole.height), CELLS) / CELLS**2

@@ -7,25 +7,24 @@ same pixel. At the right pose they stay where they are; anywhere else they wande
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ...features.subpixel import SubpixelAligner, normalise_locally
-from ...geometry.camera import FloatArray, Pose
-from ...geometry.conventions import from_opencv_pixels
-from ...render.view import ViewRenderer, alone
+from ...geometry.camera import Pose
+from ...render.view import ViewRenderer, sole_renderer
 from ..search.observe import grey_of
+from ..shared.corners import CornerDetector
 from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
 
-MAX_CORNERS = 600
-CORNER_QUALITY = 0.01
-# Pixels here are those of the loop's working picture, whose long side is `RefineSettings.long_side_px` or the photo's own.
-CORNER_SPACING_PX = 7.0
-STAYED_PX = 1.5  # a corner that moved less than this between photo and render is taken to agree
+# Pixels are those of the picture that the loop works on; its long side is `RefineSettings.long_side_px`, or less where the
+# photo is smaller.
+DETECTOR = CornerDetector(count=600, quality=0.01, spacing_px=7.0)
+# A corner that moved less than this between photo and render counts as agreeing.
+STAYED_PX = 1.5
 FOLLOW = SubpixelAligner(window_px=21, max_move_px=6.0, max_return_px=0.5)
 
 
@@ -48,7 +47,7 @@ class FinalView:
 
 def view_at(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose) -> FinalView:
     """Renders the splat at `pose` and measures how it agrees with the photo."""
-    view = alone(renderer).render(photo.pinhole, pose)
+    view = sole_renderer(renderer).render(photo.pinhole, pose)
     return compare(photo, grey_of(view), solid_part(view))
 
 
@@ -58,7 +57,7 @@ def compare(photo: WorkingPhoto, grey: NDArray[np.uint8], solid: NDArray[np.bool
     if photo.usable is not None:
         solid = solid & photo.usable
     inner = np.asarray(cv2.erode(solid.astype(np.uint8), np.ones((9, 9), np.uint8), borderValue=0), np.uint8)
-    corners = _corners(photo, inner)
+    corners = DETECTOR.detect(photo.grey, inner)
     if len(corners) == 0:
         return FinalView(0, 0.0, float("nan"), 0.0, float(solid.mean()))
     places, good = FOLLOW.align(photo.aligned, render, corners, corners)
@@ -66,14 +65,6 @@ def compare(photo: WorkingPhoto, grey: NDArray[np.uint8], solid: NDArray[np.bool
     agreement = float(np.mean(good & (moved < STAYED_PX)))
     offset = photo.photo_px * float(np.median(moved[good])) if good.any() else float("nan")
     return FinalView(len(corners), agreement, offset, _correlation(photo.aligned, render, inner > 0), float(solid.mean()))
-
-
-def _corners(photo: WorkingPhoto, mask: NDArray[np.uint8]) -> FloatArray:
-    # None where nothing is found, whatever its stub says.
-    found: Any = cv2.goodFeaturesToTrack(photo.grey, MAX_CORNERS, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask)
-    if found is None:
-        return np.zeros((0, 2))
-    return from_opencv_pixels(np.reshape(found, (-1, 2)))
 
 
 def _correlation(a: NDArray[np.uint8], b: NDArray[np.uint8], mask: NDArray[np.bool_]) -> float:

@@ -15,7 +15,8 @@ from ...errors import SplatFormatError
 from ..scene import Float32Array
 from .header import PlyElement, PlyHeader
 
-CHUNK_BYTES = 1 << 20  # a chunk and its columns stay in the processor's cache while they are turned
+# A chunk and its columns stay in the processor's cache while they are transposed.
+CHUNK_BYTES = 1 << 20
 ASCII_CHUNK_ROWS = 4096
 
 

@@ -33,7 +33,8 @@ POSITION_BOUNDS = ("min_x", "min_y", "min_z", "max_x", "max_y", "max_z")
 SCALE_BOUNDS = tuple(f"{end}_scale_{axis}" for end in ("min", "max") for axis in "xyz")
 COLOUR_BOUNDS = ("min_r", "min_g", "min_b", "max_r", "max_g", "max_b")
 SH_RANGE = 8.0
-LARGEST_FIRST = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [1, 2, 0, 3], [1, 2, 3, 0]])  # where w x y z stand among largest, a, b, c
+# For each index of the largest component: where w x y z stand among the largest one, a, b and c.
+LARGEST_FIRST = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [1, 2, 0, 3], [1, 2, 3, 0]])
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ class _Plan:
     at: dict[str, int]
     end: int
 
-    def rows(self, element: str) -> np.dtype[np.void]:
+    def row_type(self, element: str) -> np.dtype[np.void]:
+        """The data type of one row of the element as it lies in the file."""
         found = self.header.element(element)
         assert found is not None
         return np.dtype([(p.name, self.header.byte_order + p.type) for p in found.properties])
@@ -77,29 +79,30 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
             raise SplatFormatError(
                 f"The compressed .ply is cut off: its header promises {plan.end} bytes and it has {size}; export it again."
             )
-        chunks = _table(_rows(file, plan, "chunk", 0, math.ceil(plan.count / CHUNK)), plan.bounds)
+        chunks = _table(_rows(file, plan, "chunk", range(math.ceil(plan.count / CHUNK))), plan.bounds)
         builder = SceneBuilder(plan.count, len(plan.rest) // 3 + 1)
         for start in range(0, plan.count, BLOCK):
-            stop = min(start + BLOCK, plan.count)
-            _decode(builder, plan, chunks, start, file, stop)
+            rows = range(start, min(start + BLOCK, plan.count))
+            _decode(file, plan, chunks, rows, builder)
             if progress is not None:
-                progress(stop / plan.count)
+                progress(rows.stop / plan.count)
     return builder.scene(NAME, ORIENTATION)
 
 
-def _decode(builder: SceneBuilder, plan: _Plan, chunks: Float32Array, start: int, file: IO[bytes], stop: int) -> None:
-    vertex = _rows(file, plan, "vertex", start, stop)
+def _decode(file: IO[bytes], plan: _Plan, chunks: Float32Array, rows: range, builder: SceneBuilder) -> None:
+    """Reads the Gaussians `rows` and adds them to the builder; `chunks` holds the bounds of every chunk of the file."""
+    vertex = _rows(file, plan, "vertex", rows)
     position, rotation, scale, color = (vertex[name].astype(np.uint32) for name in PACKED)
-    bounds = chunks[np.arange(start, stop) // CHUNK]
+    bounds = chunks[np.arange(rows.start, rows.stop) // CHUNK]
     rgba = _fields(color, (8, 8, 8, 8))
-    sh = np.empty((stop - start, len(plan.rest) // 3 + 1, 3), np.float32)
+    sh = np.empty((len(rows), len(plan.rest) // 3 + 1, 3), np.float32)
     with np.errstate(over="ignore", invalid="ignore"):
         means = _between(bounds[:, 0:6], _fields(position, (11, 10, 11)))
         scales = np.exp(_between(bounds[:, 6:12], _fields(scale, (11, 10, 11))))
         rgb = _between(bounds[:, 12:18], rgba[:, :3]) if len(plan.bounds) == 18 else rgba[:, :3]
         sh[:, 0] = (rgb - 0.5) / SH_C0
         if plan.rest:
-            codes = _table(_rows(file, plan, "sh", start, stop), plan.rest)
+            codes = _table(_rows(file, plan, "sh", rows), plan.rest)
             sh[:, 1:] = _unpack_sh(codes).reshape(len(sh), 3, -1).transpose(0, 2, 1)
     builder.add_activated(means, scales, _unpack_rotation(rotation), rgba[:, 3], sh)
 
@@ -134,10 +137,11 @@ def _unpack_sh(codes: Float32Array) -> Float32Array:
     return np.asarray((np.where(codes == 0, 0, np.where(codes == 255, 1, middle)) - 0.5) * SH_RANGE, np.float32)
 
 
-def _rows(file: IO[bytes], plan: _Plan, element: str, start: int, stop: int) -> NDArray[np.void]:
-    row = plan.rows(element)
-    file.seek(plan.at[element] + start * row.itemsize)
-    return np.frombuffer(file.read((stop - start) * row.itemsize), row)
+def _rows(file: IO[bytes], plan: _Plan, element: str, rows: range) -> NDArray[np.void]:
+    """The rows of an element of the file, as a structured array."""
+    row = plan.row_type(element)
+    file.seek(plan.at[element] + rows.start * row.itemsize)
+    return np.frombuffer(file.read(len(rows) * row.itemsize), row)
 
 
 def _table(rows: NDArray[np.void], names: Sequence[str]) -> Float32Array:

@@ -17,8 +17,10 @@ from .compressed import BLOCK, CHUNK, COLOUR_BOUNDS, LARGEST_FIRST, PACKED, POSI
 from .layout import ORIENTATION
 from .write import log_scales
 
-MORTON_BITS = 10  # of each axis
-SCALE_LIMITS = (-20.0, 20.0)  # what the format's other writers clamp log scales to
+# Bits of each axis in the Morton code.
+MORTON_BITS = 10
+# Other writers of this format clamp log scales to these limits.
+SCALE_LIMITS = (-20.0, 20.0)
 
 
 def write_compressed(path: str | Path, scene: GaussianScene) -> None:

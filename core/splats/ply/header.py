@@ -9,7 +9,8 @@ from ...errors import SplatFormatError
 
 MAX_HEADER_BYTES = 1 << 20
 QUOTED_CHARACTERS = 60
-MAX_COUNT_DIGITS = 18  # a longer count is no count, and does not fit what files and iterators are measured in
+# A count with more digits does not fit into the numbers that files and iterators are measured in.
+MAX_COUNT_DIGITS = 18
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

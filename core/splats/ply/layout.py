@@ -61,10 +61,10 @@ def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> Gau
             for rows in vertex_columns(file, header, [*layout.geometry, *colours]):
                 builder.add(layout.to_raw(rows))
                 if progress is not None:
-                    progress(builder.seen / vertex.count)
-    if builder.seen < vertex.count:
+                    progress(builder.filled / vertex.count)
+    if builder.filled < vertex.count:
         raise SplatFormatError(
-            f"The file is cut off: it holds {builder.seen} of the {vertex.count} Gaussians it promises; export it again."
+            f"The file is cut off: it holds {builder.filled} of the {vertex.count} Gaussians it promises; export it again."
         )
     return builder.scene(layout.name, ORIENTATION)
 

@@ -21,7 +21,8 @@ from .write import Precision, property_names, raw_rows, write_rows
 
 FILTER = "filter_3D"
 AT = len(GEOMETRY)
-NEAREST_TO_ZERO, NEAREST_TO_ONE = 1e-300, 1 - 1e-16  # so that an opacity has a logit
+# Opacities are kept between these, so that they have a logit.
+NEAREST_TO_ZERO, NEAREST_TO_ONE = 1e-300, 1 - 1e-16
 
 
 def _apply_filter(rows: Float32Array) -> Float32Array:

@@ -19,8 +19,10 @@ from .layout import ORIENTATION, PlyLayout, header_names, inspect_layout, read_l
 from .reader import GEOMETRY
 from .write import Precision, property_names, raw_rows, write_rows
 
-THICKNESS = 1e-3  # of the smaller in-plane scale
-MAX_THICKNESS = 1e-2  # what may be written as a disc
+# The third scale of a disc, as a share of its smaller scale.
+THICKNESS = 1e-3
+# A Gaussian that is no thicker than this share can be written as a disc.
+MAX_THICKNESS = 1e-2
 
 
 def _with_third_scale(rows: Float32Array) -> Float32Array:

@@ -43,8 +43,10 @@ REST_BY_DEGREE = (0, 3, 8, 15, 24)
 MAX_FRACTIONAL_BITS = 30
 HAS_EXTENSIONS = 2
 BLOCK_BYTES = 1 << 16  # stays in the processor's cache
-MAX_EXPANSION = 64  # real scans unpack to 2 to 5 times their file; thousands are an attack
-ALWAYS_ALLOWED = 16 << 20  # bytes of payload that may expand from anything
+# Real scans unpack to 2 to 5 times the size of their file. Thousands of times are an attack.
+MAX_EXPANSION = 64
+# So many bytes of payload are accepted however small the file is.
+ALWAYS_ALLOWED = 16 << 20
 MAX_TRAILER = 1 << 20  # bytes of extensions behind the attributes
 MIN_WINDOW = 1 << 23
 ORIENTATION: Orientation = "Y_UP"  # x right, y up, z back (RUB)
@@ -208,8 +210,8 @@ class _Part:
 
 @contextmanager
 def open_payload(path: Path, header: SpzHeader) -> Iterator[Payload]:
-    """The attributes of a file, which are unpacked once, while they are read. Whoever reads them allocates only for bytes that
-    have come, and asks `check_end` at the end.
+    """The attributes of a file, which are unpacked once, while they are read. Whoever reads them believes the header's count
+    only once the first attribute has come, and asks `check_end` at the end.
 
     Raises SplatFormatError when they are cut off, damaged, or suspiciously many for the file's size.
     """

@@ -23,7 +23,8 @@ Bytes = NDArray[np.uint8]
 COLOUR_FACTOR = 0.15
 SCALE_STEPS, SCALE_OFFSET = 16.0, 10.0
 MAX_DEGREE = 3
-GROWTH = 1.5  # of the memory for rows whose number is only claimed
+# The memory for positions grows by this factor, because their number is only a claim until they have been read.
+GROWTH = 1.5
 SCALES = np.exp(np.arange(256) / SCALE_STEPS - SCALE_OFFSET).astype(np.float32)
 W_XYZ = np.array([3, 0, 1, 2])  # from SPZ's order x y z w to w x y z
 
@@ -51,46 +52,19 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     n, coefficients = header.count, SH_COEFFICIENTS[min(header.degree, MAX_DEGREE)]
     done = _Progress(progress, n * sum(header.widths))
     with open_payload(Path(path), header) as payload:
-        means = _decode(payload, position, _Growing((3,), n), _positions(header), done)
-        opacities = _decode(payload, one, _Growing((1,), n), _share, done)
-        colours = _decode(payload, colour, _Growing((3,), n), _colour, done)
-        scales = _decode(payload, scale, _Growing((3,), n), lambda raw: SCALES[raw], done)
-        turn = _smallest_three if header.version >= 3 else _first_three
-        rotations = _decode(payload, rotation, _Growing((4,), n), turn, done)
-        sh = _decode(payload, rest, _Growing((coefficients, 3), n), lambda raw: _sh(raw, coefficients), done)
+        means = _grown(payload, position, n, _positions(header), done)
+        # As many Gaussians have come as the header claims: from here on it may be believed.
+        opacities, scales = np.empty((n, 1), np.float32), np.empty((n, 3), np.float32)
+        rotations, sh = np.empty((n, 4), np.float32), np.empty((n, coefficients, 3), np.float32)
+        _decode(payload, one, opacities, _share, done)
+        _decode(payload, colour, sh[:, 0], _colour, done)
+        _decode(payload, scale, scales, lambda raw: SCALES[raw], done)
+        _decode(payload, rotation, rotations, _smallest_three if header.version >= 3 else _first_three, done)
+        _decode(payload, rest, sh[:, 1:], lambda raw: _sh(raw, coefficients - 1), done)
         payload.check_end()
-    if len(sh) == 0:  # degree 0: there are no bytes for it
-        sh = np.empty((n, 1, 3), np.float32)
-    sh[:, 0] = colours
     name = f"spz version {header.version}"
-    return GaussianScene.checked(means, scales, rotations, opacities[:, 0], sh, name, header.orientation)
-
-
-class _Growing:
-    """At most `most` rows of `shape` float32 that come block by block; their memory grows with them, and never with what a
-    header claims.
-    """
-
-    def __init__(self, shape: tuple[int, ...], most: int) -> None:
-        self._most = most
-        self._rows = np.empty((0, *shape), np.float32)
-        self._count = 0
-
-    def add(self, rows: Float32Array) -> None:
-        end = self._count + len(rows)
-        if end > len(self._rows):
-            self._resize(max(end, min(self._most, int(GROWTH * len(self._rows)))))
-        self._rows[self._count : end] = rows
-        self._count = end
-
-    def whole(self) -> Float32Array:
-        """All rows, in no more memory than they need."""
-        self._resize(self._count)
-        return self._rows
-
-    def _resize(self, count: int) -> None:
-        # In place where the system can: a new array beside the old one would hold the scan twice.
-        self._rows.resize((count, *self._rows.shape[1:]), refcheck=False)
+    scene = GaussianScene(means, scales, rotations, opacities[:, 0], sh, format=name, orientation=header.orientation)
+    return scene.checked()
 
 
 class _Progress:
@@ -105,13 +79,25 @@ class _Progress:
             self._tell(self._done / self._total)
 
 
-def _decode(
-    payload: Payload, width: int, rows: _Growing, decode: Callable[[Bytes], Float32Array], done: _Progress
-) -> Float32Array:
+def _grown(payload: Payload, width: int, most: int, decode: Callable[[Bytes], Float32Array], done: _Progress) -> Float32Array:
+    """Positions (most, 3). Their memory grows with what comes, so that a header that lies about their number costs none."""
+    rows, count = np.empty((0, 3), np.float32), 0
     for raw in payload.blocks(width):
-        rows.add(decode(raw))
+        end = count + len(raw)
+        if end > len(rows):
+            rows.resize((max(end, min(most, int(GROWTH * len(rows)))), 3), refcheck=False)
+        rows[count:end] = decode(raw)
+        count = end
         done.add(raw.size)
-    return rows.whole()
+    return rows
+
+
+def _decode(payload: Payload, width: int, out: Float32Array, decode: Callable[[Bytes], Float32Array], done: _Progress) -> None:
+    at = 0
+    for raw in payload.blocks(width):
+        out[at : at + len(raw)] = decode(raw)
+        at += len(raw)
+        done.add(raw.size)
 
 
 def _positions(header: SpzHeader) -> Callable[[Bytes], Float32Array]:
@@ -154,14 +140,10 @@ def _smallest_three(raw: Bytes) -> Float32Array:
     return np.asarray((xyzw / np.linalg.norm(xyzw, axis=1, keepdims=True))[:, W_XYZ])
 
 
-def _sh(raw: Bytes, coefficients: int) -> Float32Array:
-    """The coefficients from degree 1 on, behind room for that of degree 0."""
-    values = np.empty((len(raw), coefficients, 3), np.float32)
-    values[:, 0] = 0
-    rest = values[:, 1:]
-    np.subtract(raw[:, : 3 * (coefficients - 1)].reshape(rest.shape), 128, out=rest, dtype=np.float32)
-    rest *= 1 / 128
-    return values
+def _sh(raw: Bytes, wanted: int) -> Float32Array:
+    values = np.subtract(raw[:, : 3 * wanted], 128, dtype=np.float32)
+    values *= 1 / 128
+    return values.reshape(len(raw), wanted, 3)
 
 
 FORMAT = SplatFormat("spz", ".spz", ORIENTATION, detect, inspect, read)

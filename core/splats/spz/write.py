@@ -19,7 +19,8 @@ from .payload import HEADER, MAGIC, ORIENTATION
 from .reader import COLOUR_FACTOR, SCALE_OFFSET, SCALE_STEPS
 
 VERSIONS = (2, 3)
-MAX_BITS = 20  # finer steps than 1e-6 only cost room
+# Steps finer than 1e-6 would only take more room.
+MAX_BITS = 20
 LARGEST_POSITION = (1 << 23) - 1
 COMPRESSION = 6
 XYZW = np.array([1, 2, 3, 0])

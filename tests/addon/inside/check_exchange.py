@@ -39,7 +39,7 @@ def same(extension, got, wanted):
 
 
 def read_to_end(extension, path, photos):
-    steps = extension("gssmc_addon.camera.import_job").gather(path, photos)
+    steps = extension("gssmc_addon.camera.import_job").read_incoming(path, photos)
     while True:
         try:
             next(steps)
@@ -84,7 +84,7 @@ def test_cameras_of_nerfstudio_follow_its_splat_and_go_back(bpy, extension, scen
 
 def test_an_exported_json_tells_verdicts_and_guesses(bpy, extension, scene, tmp_path):
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
-    extension("gssmc_addon.registration.camera_props").note_verdict(scene.camera.data, "check", ("Look.",), 2, 1.0)
+    extension("gssmc_addon.registration.camera_props").keep_verdict(scene.camera.data, "check", ("Look.",), 2, 1.0)
     bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"))
     (record,) = json.loads((tmp_path / "out.json").read_text())["frames"]
     assert (record["verdict"], record["reasons"], record["focal_guessed"]) == ("check", ["Look."], True)
@@ -120,7 +120,7 @@ def judged(bpy, extension, tmp_path, **verdicts):
     """A photo, with a camera of the name, for each verdict."""
     for name, verdict in verdicts.items():
         bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / f"{name}.png")), camera="NEW")
-        note = extension("gssmc_addon.registration.camera_props").note_verdict
+        note = extension("gssmc_addon.registration.camera_props").keep_verdict
         note(bpy.context.scene.camera.data, verdict, ("Said.",), 2, 1.0)
 
 

@@ -41,7 +41,7 @@ def importing(bpy, extension, context, path):
 
 
 def adding(bpy, extension, path):
-    hand = operator(bpy, extension("operators.add_photos").GSSMC_OT_add_photo_folder, directory=str(path), camera_file="")
+    hand = operator(bpy, extension("operators.add_photo_folder").GSSMC_OT_add_photo_folder, directory=str(path), camera_file="")
     hand.asked = True
     return hand
 
@@ -130,20 +130,20 @@ def broken(*_, **__):
     raise KeyError("deep inside")
 
 
-@pytest.mark.parametrize("where", ["check", "advance", "note", "apply", "stopped", "gather"])
+@pytest.mark.parametrize("where", ["check", "advance", "on_progress", "apply", "stopped", "make_job"])
 def test_any_exception_ends_the_job_as_one_sentence(bpy, extension, context, slot, scene, caplog, where):
     hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="")
-    if where == "gather":
-        hand.gather = broken
+    if where == "make_job":
+        hand.make_job = broken
     with caplog.at_level(logging.ERROR):
         result = hand.invoke(context, event())
         if where in ("apply", "stopped"):
             setattr(hand, where, broken)
-        elif where != "gather":
+        elif where != "make_job":
             setattr(hand._job, where, broken)
         if where == "stopped":
             result = hand.modal(context, event("ESC", "PRESS"))
-        elif where != "gather":
+        elif where != "make_job":
             job = hand._job
             result = tick_to_end(hand, context)
             assert job.cancelled

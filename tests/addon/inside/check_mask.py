@@ -29,8 +29,8 @@ def kept(size=SIZE):
 def read_for_refine(extension, scene, camera):
     """The photo as Refine would take it."""
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
-    jobs, photo = extension("gssmc_addon.refine.job"), camera.data.gssmc.photo
-    return jobs.gather(scene, scene.gssmc.splat, camera, photo, settings).inputs.photo.read()
+    jobs = extension("gssmc_addon.refine.job")
+    return jobs.prepare(scene, scene.gssmc.splat, camera, settings).inputs.photo.read()
 
 
 def test_a_file_becomes_the_mask_and_stays_in_the_blend(bpy, listed, extension, tmp_path):

@@ -23,7 +23,7 @@ def test_every_registered_operator_is_driven(bpy):
 def test_cancel_stops_the_running_job(bpy, extension, scene):
     jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     settings = extension("core.pose.settings").RefineSettings()
-    job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
+    job = jobs.prepare(scene, scene.gssmc.splat, scene.camera, settings)
     assert not bpy.ops.gssmc.cancel.poll()
     slot.begin(bpy.context, job)  # as the button does; the timer that would drive it is the window's
     try:

@@ -90,7 +90,7 @@ def height(bpy, extension, width):
 
 
 def note(extension, scene, *reasons):
-    extension("gssmc_addon.registration.camera_props").note_verdict(scene.camera.data, "check", reasons, 3, 12.5)
+    extension("gssmc_addon.registration.camera_props").keep_verdict(scene.camera.data, "check", reasons, 3, 12.5)
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -98,9 +98,7 @@ def test_the_panel_is_as_high_before_a_refinement_as_while_it_runs_and_after(bpy
     jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     own = bpy.context.window_manager.gssmc
     before = height(bpy, extension, width)
-    job = jobs.gather(
-        scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, extension("core.pose.settings").RefineSettings()
-    )
+    job = jobs.prepare(scene, scene.gssmc.splat, scene.camera, extension("core.pose.settings").RefineSettings())
     slot.begin(bpy.context, job)
     try:
         heights = [height(bpy, extension, width)]
@@ -163,19 +161,19 @@ def test_a_number_of_the_splat_has_a_line_of_its_own(bpy, scene, extension, monk
     """A million is cut to a thousand where it shares a narrow sidebar with another field."""
     module = extension("gssmc_addon.viewport.props")
     monkeypatch.setattr(module, "is_drawable", lambda: True)
-    monkeypatch.setattr(extension("gssmc_addon.splat.object"), "has_native_type", lambda data: False)
+    monkeypatch.setattr(extension("gssmc_addon.splat.object"), "is_native", lambda cloud: False)
     shown = [line for line in lines(bpy, extension, 220) if any(part[1] == "max_shown" for part in line[1:])]
     assert [len(line) - 1 for line in shown] == [1]
 
 
 def test_the_panel_tells_the_steps_in_their_order(bpy, scene, extension):
     headings = [part[1] for line in lines(bpy, extension, 280) for part in line[1:] if part[0] == "label"]
-    assert [text for text in headings if text[:1].isdigit()] == ["1  Splat", "2  Photo", "3  Camera", "4  Refine"]
+    assert [text for text in headings if text[:1].isdigit()] == ["1  Splat", "2  Photo", "3  Camera", "4  Find or Refine"]
 
 
 def test_the_steps_are_there_before_anything_else(bpy, extension):
     headings = [part[1] for line in lines(bpy, extension, 280) for part in line[1:] if part[0] == "label"]
-    assert [text for text in headings if text[:1].isdigit()] == ["1  Splat", "2  Photo", "3  Camera", "4  Refine"]
+    assert [text for text in headings if text[:1].isdigit()] == ["1  Splat", "2  Photo", "3  Camera", "4  Find or Refine"]
 
 
 def test_undo_takes_the_message_along(bpy, scene):
@@ -238,5 +236,5 @@ def test_the_values_are_folded_below_the_quality(bpy, extension):
     assert panel.bl_parent_id == "GSSMC_PT_quality"
     assert panel.bl_options == {"DEFAULT_CLOSED"}
     drawn = [line[1][1] for line in lines(bpy, extension, 280, "GSSMC_PT_settings")]
-    assert len(drawn) == 15
+    assert len(drawn) == 16
     assert drawn[-1] == "gssmc.reset_settings"

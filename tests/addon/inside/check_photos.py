@@ -177,15 +177,15 @@ def test_what_is_wrong_stands_below_the_list_in_full(bpy, listed, extension):
 
 def test_progress_names_the_photo_as_it_is(bpy, listed, extension):
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
-    job, jobs = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings), extension("gssmc_addon.jobs.slot")
+    job, slot = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings), extension("gssmc_addon.jobs.slot")
     job.index = 1
     job.begin_item(1)
-    jobs.begin(bpy.context, job)
+    slot.begin(bpy.context, job)
     try:
         said = drawn(bpy, extension)
     finally:
         job.cancel()
-        jobs.end(job)
+        slot.end(job)
     assert [text for text in said if text in ("p1", "Photo 2 of 3", "gssmc.cancel")] == ["p1", "gssmc.cancel", "Photo 2 of 3"]
 
 
@@ -262,14 +262,15 @@ def test_a_photo_of_another_place_is_tried_a_few_times_and_says_so(bpy, listed, 
     cv2.imwrite(other, noise)
     own.photos[0].camera.data.gssmc.photo.filepath = other
     before = matrices(listed)["p0"]
+    own.map_views = 4
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
     job = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings)
     seen = watched(job)
     assert job.verdicts == {"trusted": 2, "failed": 1}
     assert matrices(listed)["p0"] == before
-    assert own.photos[0].note == "Tried again from the cameras of 2 solved photos, without success."
+    assert own.photos[0].note == "Tried again from the cameras of 2 solved photos and in the whole scan."
     assert {detail.split(":")[0] for _, detail in seen if "Again" in detail} == {"Again, 1 of 1"}
-    assert {detail[-4:] for _, detail in seen if "Again" in detail} == {'"p1"', '"p2"'}
+    assert {detail[-4:] for _, detail in seen if "Again" in detail} == {'"p1"', '"p2"', "scan"}
     second = [fraction for fraction, detail in seen if "Again" in detail]
     assert second == sorted(second)
     assert 0 <= second[0] < 0.5 < second[-1] <= 1

@@ -254,7 +254,7 @@ def test_a_cancelled_preview_stops_soon(bpy, place, extension):
     scene = set_up(bpy, place)
     preview = extension("gssmc_addon.preview.job")
     options = preview.PreviewOptions("RENDER", 0.5, 8192)
-    job = preview.gather(bpy.context, scene.camera, options, extension("core.pose.settings").RefineSettings())
+    job = preview.prepare(bpy.context, scene.camera, options, extension("core.pose.settings").RefineSettings())
     job.start()
     job.cancel()
     assert job.join(5)

@@ -165,8 +165,7 @@ def test_a_result_lands_where_it_should(bpy, scene, extension, mode, parented):
 def job(bpy, scene, extension):
     """A running job, driven by hand as the timer of the window does it."""
     settings = extension("core.pose.settings").RefineSettings()
-    photo = scene.camera.data.gssmc.photo
-    job = extension("gssmc_addon.refine.job").gather(scene, scene.gssmc.splat, scene.camera, photo, settings)
+    job = extension("gssmc_addon.refine.job").prepare(scene, scene.gssmc.splat, scene.camera, settings)
     job.start()
     yield job
     job.cancel()
@@ -209,7 +208,7 @@ def test_switching_the_extension_off_ends_its_thread(bpy, scene, extension):
 
     jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     settings = extension("core.pose.settings").RefineSettings()
-    job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
+    job = jobs.prepare(scene, scene.gssmc.splat, scene.camera, settings)
     slot.begin(bpy.context, job)
     assert slot.active() is job
     addon_utils.disable(MODULE)
@@ -223,7 +222,7 @@ def test_opening_a_file_ends_the_job(bpy, scene, extension, tmp_path):
     jobs, slot = extension("gssmc_addon.refine.job"), extension("gssmc_addon.jobs.slot")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     settings = extension("core.pose.settings").RefineSettings()
-    job = jobs.gather(scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings)
+    job = jobs.prepare(scene, scene.gssmc.splat, scene.camera, settings)
     slot.begin(bpy.context, job)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     assert job.cancelled

@@ -106,7 +106,9 @@ def test_a_plate_is_solved_frame_by_frame_and_its_keys_come_back(bpy, plate, ext
         lens = engine.Intrinsics(k.width, k.height, focal, focal, k.cx, k.cy, k.dist)
         path[frame] = engine.Camera(lens, engine.Pose(pose.R, pose.t))
     extension("gssmc_addon.camera.keys").write(scene, camera, splat, path, zoom)
-    solution.keep(scene, camera, splat, record.Solution(path[1], "trusted", ("It sits.",), 3, 1.0, "SOLVED", 3.0, path=path))
+    solution.keep(
+        scene, camera, splat, record.SolvedCamera(path[1], "trusted", ("It sits.",), 3, 1.0, "SOLVED", 3.0, path=path)
+    )
     frames = (1, 3, 4, 9)
     assert changes(bpy, extension, scene, frames) == [""] * 4
     scene.render.resolution_x, scene.render.resolution_y = 500, 900
@@ -358,7 +360,7 @@ def test_a_movie_clip_behind_the_camera_counts_as_blender_counts(bpy, plate, ext
     user = scene.camera.data.background_images[0].image_user
     user.frame_start, user.frame_duration = 101, 4
     assert moving_photo(scene.camera).scene_range == (101, 104)
-    assert moving_photo(scene.camera).at(102).number == FIRST + 1
+    assert moving_photo(scene.camera).frame_at(102).number == FIRST + 1
     clip = bpy.data.movieclips.load(str(plate[0].folder / "plate" / f"shot.{FIRST:04d}.png"))
     clip.frame_start, clip.frame_offset = 11, 2
     data = scene.camera.data
@@ -367,7 +369,7 @@ def test_a_movie_clip_behind_the_camera_counts_as_blender_counts(bpy, plate, ext
     slot = data.background_images.new()
     slot.source, slot.clip = "MOVIE_CLIP", clip
     found = moving_photo(scene.camera)
-    assert found.at(11).number == FIRST + 2
+    assert found.frame_at(11).number == FIRST + 2
     assert found.scene_range == (9, 9 + COUNT - 1)
 
 

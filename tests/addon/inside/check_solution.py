@@ -346,9 +346,7 @@ def test_moving_with_the_view_ends_with_a_solution(bpy, extension, scene, apply)
 def mode(bpy, extension):
     """What Refine would do about the lens when Solve For is Auto."""
     scene, settings = bpy.context.scene, extension("core.pose.settings").RefineSettings()
-    job = extension("gssmc_addon.refine.job").gather(
-        scene, scene.gssmc.splat, scene.camera, scene.camera.data.gssmc.photo, settings
-    )
+    job = extension("gssmc_addon.refine.job").prepare(scene, scene.gssmc.splat, scene.camera, settings)
     return extension("core.pose.refine").lens_mode(settings, job.inputs.camera.at_size(60, 90))
 
 

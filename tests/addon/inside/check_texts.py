@@ -16,7 +16,7 @@ GERMAN = {
     '"{photo}" ({x} x {y}) is set behind "{camera}".': 'Hinter "{camera}" steht "{photo}", {x} mal {y}.',
     "{verdict}: {count} iterations, {seconds:.1f} s": "{seconds:.0f} s, {count} Runden: {verdict}",
     "Check": "Prüfen",
-    "Bring the camera to about where the photo was taken, then refine.": "Kamera ungefähr hinstellen.",
+    "Find Camera looks for it in the scan; Refine Camera starts from where the camera stands.": "Kamera finden lassen.",
     "The work broke off ({kind}); the system console has the details.": "Abgebrochen: {kind}.",
     "Every Gaussian of the splat object holds a value that is not finite; import the file again.": "Nichts Endliches.",
     "Look through the camera of the next photo of the list": "Zum nächsten Foto",
@@ -52,12 +52,12 @@ def test_a_report_and_the_panels_line_are_translated(bpy, extension, scene, germ
 def test_values_stand_where_the_language_wants_them(bpy, extension, scene, german, tmp_path, capfd):
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "b.png")), camera="NEW")
     assert 'Hinter "b" steht "b.png", 60 mal 90.' in capfd.readouterr().out
-    extension("gssmc_addon.registration.camera_props").note_verdict(scene.camera.data, "check", ("Look.",), 2, 3.0)
+    extension("gssmc_addon.registration.camera_props").keep_verdict(scene.camera.data, "check", ("Look.",), 2, 3.0)
     assert "3 s, 2 Runden: Prüfen" in drawn(bpy, extension)
 
 
 def test_a_hint_is_translated_before_it_is_wrapped(bpy, extension, scene, german):
-    assert "Kamera ungefähr hinstellen." in drawn(bpy, extension)
+    assert "Kamera finden lassen." in drawn(bpy, extension)
 
 
 def test_a_tooltip_is_translated(bpy, extension, german):

@@ -353,7 +353,7 @@ def test_an_imported_splat_is_written_in_steps(bpy, extension, splat_file):
         seen.append(building.fraction)
     assert seen[0] == 0.0
     assert len([f for f in seen if f > 0]) == 4 + 3 - 1, "SH degree 1: seven attributes, each in a step of its own"
-    obj = building.finish(bpy.context, job_module.Look.of(read, False))
+    obj = building.finish(bpy.context, job_module.SplatDisplay.of(read, False))
     got = extension("gssmc_addon.splat.copy").read_splat(obj)
     np.testing.assert_array_equal(got.means, read_splats(splat_file).means)
     np.testing.assert_array_equal(got.sh, read_splats(splat_file).sh)
@@ -366,16 +366,109 @@ def test_an_imported_splat_is_written_in_steps(bpy, extension, splat_file):
     assert counts(bpy) == before
 
 
-def test_a_photo_before_the_camera_is_not_hidden(bpy, extension):
-    """The share of the viewport's opacity that splats may take."""
-    share = extension("gssmc_addon.viewport.stage")._share
-    slot = SimpleNamespace(display_depth="FRONT", show_background_image=True, image=object(), alpha=0.25)
-    data = SimpleNamespace(show_background_images=True, background_images=[slot])
-    shading = SimpleNamespace(type="SOLID", show_xray=False, xray_alpha=0.5)
-    space = SimpleNamespace(shading=shading, camera=SimpleNamespace(type="CAMERA", data=data))
-    view = SimpleNamespace(space_data=space, region_data=SimpleNamespace(view_perspective="CAMERA"))
-    assert share(view) == 0.75
-    view.region_data.view_perspective = "PERSP"
-    assert share(view) == 1.0
-    shading.show_xray = True
-    assert share(view) == 0.5
+def laid_over(gpu, extension, splats, under, pictures=(), opacity=1.0):
+    """The overlay of `splats` (H, W, 4), premultiplied, over light `under`, below the pictures: (H, W, 4)."""
+    drawer = extension("gssmc_addon.viewport.gpu")
+    height, width = splats.shape[:2]
+    buffer = gpu.types.GPUOffScreen(width, height, format="RGBA32F")
+    painter = drawer.Painter()
+    with buffer.bind():
+        frame = gpu.state.active_framebuffer_get()
+        frame.clear(color=under)
+        painter.lay_over(drawer.texture(splats), opacity, painter.with_textures(pictures))
+        pixels = np.array(frame.read_color(0, 0, width, height, 4, 0, "FLOAT"), np.float32)
+    buffer.free()
+    return pixels.reshape(height, width, 4)
+
+
+def decoded(shown):
+    return np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
+
+
+def grey(bpy, level, name="grey"):
+    """A picture of one light, as Blender has it in memory."""
+    image = bpy.data.images.new(name, 4, 4, float_buffer=True)
+    image.pixels.foreach_set(np.tile(np.array([level, level, level, 1], np.float32), 16))
+    image.update()
+    return image
+
+
+RIGHT_HALF = np.array([[2.0, 0, -1], [0, 1, 0]])
+WHOLE = np.array([[1.0, 0, 0], [0, 1, 0]])
+
+
+def test_splats_lie_below_a_photo_where_it_is_and_are_opaque_beside_it(drawing, bpy, extension):
+    """Photo over splat over viewport, light by light; a splat of opacity c and a photo of opacity a."""
+    front = extension("gssmc_addon.viewport.front")
+    alpha, a, light, under = 0.8, 0.25, 0.6, (0.1, 0.2, 0.3, 0.0)
+    colour = np.array([0.9, 0.5, 0.1])
+    splats = np.zeros((6, 8, 4), np.float32)
+    splats[..., :3], splats[..., 3] = colour * alpha, alpha
+    got = laid_over(drawing, extension, splats, under, [front.FrontPicture(grey(bpy, light), RIGHT_HALF, a)])
+    base = np.array(under[:3])
+    beside = alpha * decoded(colour) + (1 - alpha) * base
+    below = alpha * ((1 - a) * decoded(colour) + a * light) + (1 - alpha) * base
+    np.testing.assert_allclose(got[:, :4, :3], np.broadcast_to(beside, (6, 4, 3)), atol=2e-3)
+    np.testing.assert_allclose(got[:, 4:, :3], np.broadcast_to(below, (6, 4, 3)), atol=2e-3)
+    assert np.ptp(got[..., 3]) < 1e-6, "how much of the viewport is covered does not depend on the photo"
+
+
+def test_an_opaque_picture_hides_the_splat_there_alone(drawing, bpy, extension):
+    """The preview over the half-transparent photo, the upper one last."""
+    front = extension("gssmc_addon.viewport.front")
+    splats = np.ones((6, 8, 4), np.float32)
+    pictures = [
+        front.FrontPicture(grey(bpy, 0.9, "photo"), WHOLE, 0.5),
+        front.FrontPicture(grey(bpy, 0.2, "preview"), RIGHT_HALF, 1.0),
+    ]
+    got = laid_over(drawing, extension, splats, (0, 0, 0, 0), pictures)
+    np.testing.assert_allclose(got[:, 4:, :3], 0.2, atol=2e-3)
+    np.testing.assert_allclose(got[:, :4, :3], 0.95, atol=2e-3)
+
+
+def test_where_a_picture_before_the_scene_is(bpy, extension):
+    """In the middle of the frame, as large as fits whole; its corners in pixels of a region that is larger than the frame."""
+    front = extension("gssmc_addon.viewport.front")
+    border, region = np.array([[0.25, 0.25], [0.75, 0.75]]), (800, 400)  # a frame of 400 x 200 pixels
+
+    def corners(aspect=1.0, **changes):
+        values = {"frame_method": "FIT", "rotation": 0.0, "scale": 1.0, "offset": (0, 0), "use_flip_x": False}
+        slot = SimpleNamespace(**{**values, "use_flip_y": False, **changes})
+        place = front.place_of(slot, aspect, border, region)
+        linear, shift = place[:, :2], place[:, 2]
+        return np.array([np.linalg.solve(linear, corner - shift) * region for corner in ((0, 0), (1, 1))]).round(3).tolist()
+
+    assert corners() == [[300, 100], [500, 300]]
+    assert corners(aspect=4.0) == [[200, 150], [600, 250]]
+    assert corners(frame_method="STRETCH") == [[200, 100], [600, 300]]
+    assert corners(frame_method="CROP") == [[200, 0], [600, 400]]
+    assert corners(scale=0.5) == [[350, 150], [450, 250]]
+    assert corners(offset=(0.1, 0.0)) == [[340, 100], [540, 300]]
+    assert corners(use_flip_x=True) == [[500, 100], [300, 300]]
+    assert corners(rotation=np.pi / 2)[0] == [300, 300], "clockwise, as Blender turns it"
+
+
+def test_which_pictures_stand_before_the_scene(bpy, extension):
+    """Of a view through the camera, those in front that are switched on; none where overlays are off."""
+    front = extension("gssmc_addon.viewport.front")
+    data = bpy.data.cameras.new("camera")
+    camera = bpy.data.objects.new("camera", data)
+    data.show_background_images = True
+    for depth in ("FRONT", "BACK", "FRONT"):
+        slot = data.background_images.new()
+        slot.image, slot.display_depth, slot.alpha = grey(bpy, 0.5), depth, 0.25
+    projection = matrices(sample_cameras()[0])[1]
+    overlay = SimpleNamespace(show_overlays=True)
+    view = SimpleNamespace(
+        scene=bpy.context.scene,
+        region=SimpleNamespace(width=800, height=600),
+        region_data=SimpleNamespace(view_perspective="CAMERA", window_matrix=projection),
+        space_data=SimpleNamespace(camera=camera, overlay=overlay),
+    )
+    assert [picture.alpha for picture in front.front_pictures(view)] == [0.25, 0.25]
+    data.background_images[0].show_background_image = False
+    assert len(front.front_pictures(view)) == 1
+    overlay.show_overlays = False
+    assert front.front_pictures(view) == []
+    overlay.show_overlays, view.region_data.view_perspective = True, "PERSP"
+    assert front.front_pictures(view) == []

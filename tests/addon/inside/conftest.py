@@ -15,6 +15,7 @@ def blender():
     """bpy with the extension installed from the zip and enabled."""
     import bpy
 
+    os.environ["XDG_CACHE_HOME"] = os.path.join(os.environ["BLENDER_USER_RESOURCES"], "cache")  # where maps of scans go
     bpy.ops.extensions.package_install_files(filepath=os.environ["GSSMC_ZIP"], repo="user_default", enable_on_install=True)
     assert os.environ["BLENDER_USER_RESOURCES"] in sys.modules[MODULE].__file__
     return bpy

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.batch.keys import BLOCK_BYTES, BLOCKS, Query, job_key, query_keys, scan_digest
+from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, key_of, query_keys, scan_digest
 from core.errors import SplatFormatError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.pose.settings import RefineSettings
@@ -32,7 +32,7 @@ def files(tmp_path):
 
 
 def key(files, **settings):
-    query = Query(CAMERA, files / "photo.jpg", files / "mask.png")
+    query = BatchQuery(CAMERA, files / "photo.jpg", files / "mask.png")
     return query_keys(files / "scan.ply", [query], RefineSettings(model=str(files / "model.onnx"), **settings))[0]
 
 
@@ -44,7 +44,7 @@ def test_the_same_files_have_the_same_key(files):
 def test_a_renamed_scan_is_the_same_scan(files):
     before = key(files)
     (files / "scan.ply").rename(files / "other.ply")
-    query = Query(CAMERA, files / "photo.jpg", files / "mask.png")
+    query = BatchQuery(CAMERA, files / "photo.jpg", files / "mask.png")
     assert query_keys(files / "other.ply", [query], RefineSettings(model=str(files / "model.onnx")))[0] == before
 
 
@@ -74,9 +74,9 @@ def test_every_file_counts_by_its_time_and_its_size(files, name):
 def test_settings_start_and_mask_count(files):
     keys = {key(files), key(files, seed=5)}
     for query in (
-        Query(replace(CAMERA, pose=Pose(np.eye(3), [0, 0, 1])), files / "photo.jpg", files / "mask.png"),
-        Query(CAMERA, files / "photo.jpg"),
-        Query(CAMERA, files / "mask.png", files / "mask.png"),
+        BatchQuery(replace(CAMERA, pose=Pose(np.eye(3), [0, 0, 1])), files / "photo.jpg", files / "mask.png"),
+        BatchQuery(CAMERA, files / "photo.jpg"),
+        BatchQuery(CAMERA, files / "mask.png", files / "mask.png"),
     ):
         keys |= set(query_keys(files / "scan.ply", [query], RefineSettings(model=str(files / "model.onnx"))))
     assert len(keys) == 5
@@ -100,5 +100,5 @@ def test_a_scan_that_cannot_be_read_is_one_sentence(tmp_path):
 
 
 def test_key_changes_with_everything_it_is_made_of():
-    assert job_key("s", 1, {"a": 1, "b": 2}) == job_key("s", 1, {"b": 2, "a": 1})
-    assert len({job_key("s", 1, {}), job_key("s", 2, {}), job_key("t", 1, {}), job_key("s", 1, {"a": 0})}) == 4
+    assert key_of("s", 1, {"a": 1, "b": 2}) == key_of("s", 1, {"b": 2, "a": 1})
+    assert len({key_of("s", 1, {}), key_of("s", 2, {}), key_of("t", 1, {}), key_of("s", 1, {"a": 0})}) == 4

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from core.batch.keys import job_key
+from core.batch.keys import key_of
 from core.batch.store import ResultsError, ResultStore
 
 pytestmark = pytest.mark.unit
 
-KEYS = [job_key("photo", i) for i in range(4)]
+KEYS = [key_of("photo", i) for i in range(4)]
 
 
 def record(i, **more):
@@ -77,7 +77,7 @@ def test_what_is_written_for_a_record_does_not_grow_with_their_number(path, monk
     written = []
     fsync = os.fsync
     monkeypatch.setattr(os, "fsync", lambda handle: written.append(os.fstat(handle).st_size) or fsync(handle))
-    keys = [job_key(i) for i in range(200)]
+    keys = [key_of(i) for i in range(200)]
     with ResultStore(path, keys) as store:
         for i in range(200):
             store.put(i, record(0))
@@ -155,13 +155,13 @@ time.sleep(600)
 
 
 def test_queries_may_be_added_removed_and_moved(full):
-    found = resumed(full, [KEYS[3], job_key("new"), KEYS[0]])
+    found = resumed(full, [KEYS[3], key_of("new"), KEYS[0]])
     assert {i: r["file"] for i, r in found.items()} == {0: "3.jpg", 2: "0.jpg"}
 
 
 def test_results_of_other_options_are_kept_aside(full, caplog):
     before = frames(full)
-    with ResultStore(full, [job_key("new")]) as store:
+    with ResultStore(full, [key_of("new")]) as store:
         store.put(0, record(9))
     assert [f["file"] for f in frames(full)] == ["9.jpg"]
     assert frames(full.with_name("results.json.old")) == before

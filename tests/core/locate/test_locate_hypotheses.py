@@ -8,9 +8,10 @@ import pytest
 from core.features.types import Features
 from core.geometry.camera import Intrinsics, Pose, pose_error
 from core.geometry.lie import so3_exp
-from core.locate.hypotheses import Hypothesis, filled_cells, grown_pose, merged, sampled_pose
+from core.locate.hypotheses import Hypothesis, grown_pose, merged, sampled_pose
 from core.locate.matching import Pairs
-from core.pose.search.observe import Query
+from core.pose.search.observe import PhotoFeatures
+from core.pose.shared.corners import filled_cells
 from core.pose.shared.working import WorkingPhoto
 
 LENS = Intrinsics(640, 480, 520.0, 520.0, 320.0, 240.0)
@@ -29,7 +30,11 @@ def scene(seed=0, count=120, wrong=0.4, noise_px=0.5, lens=LENS):
     seen = pixels + noise_px * rng.normal(size=pixels.shape)
     grey = np.zeros((480, 640), np.uint8)
     image = WorkingPhoto(LENS, grey, None, grey, grey, None)
-    return Query(image, Features(seen, np.zeros((count, 128), np.float32), (640, 480))), Pairs(np.arange(count), points), pose
+    return (
+        PhotoFeatures(image, Features(seen, np.zeros((count, 128), np.float32), (640, 480))),
+        Pairs(np.arange(count), points),
+        pose,
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -82,7 +87,7 @@ def test_a_cluster_of_inliers_scores_less_than_a_photo_full_of_them():
     assert cluster.score < spread.score
     assert spread.clear
     assert not cluster.clear
-    assert 30 < filled_cells(query, np.arange(120)) <= 36
+    assert 30 < filled_cells(query.features.keypoints[:120], (640, 480), 6) <= 36
 
 
 def test_one_place_is_one_hypothesis():

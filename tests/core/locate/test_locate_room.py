@@ -17,6 +17,8 @@ from core.splats.scene import GaussianScene
 from core.synthetic.room import make_scene
 from core.synthetic.sample import make_photo, sample_cameras
 
+pytestmark = pytest.mark.loop
+
 VIEWS = 16
 SETTINGS = MapSettings(views=VIEWS, side_px=320)
 QUICK = RefineSettings(threads=1, final="none", iterations=2, candidates=4)

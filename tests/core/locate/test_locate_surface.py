@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from core.locate.build import _sieved
 from core.locate.viewpoints.candidates import candidate_views, measured_ratio, spread_out
 from core.locate.viewpoints.panorama import CELLS, cell_directions, cube_cells, panorama_at, view_directions
 from core.locate.viewpoints.surface import Surface, sample_surface
@@ -110,6 +111,19 @@ def test_viewpoints_lie_on_the_side_that_the_surface_faces():
     best = [one.viewpoint for one, _ in zip(spread_out(found), range(10), strict=False)]
     assert len(best) == 10
     assert np.mean([view.centre @ TOWARDS > 0 for view in best]) >= 0.9
+
+
+def test_a_small_thing_in_the_void_has_viewpoints_around_it():
+    """A ball of coarse Gaussians fills less than half of any view from where it was photographed."""
+    rng = np.random.default_rng(4)
+    points = rng.normal(size=(300, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    arrays = (points, np.full(300, 0.1), np.full(300, 0.2), 0.9 * points)
+    ball = Surface(*(np.asarray(a, np.float32) for a in arrays))
+    centres = np.array([one.viewpoint.centre for some in _sieved(ball, np.random.default_rng(0)) for one in some])
+    assert len(centres) >= 100
+    assert np.median(np.linalg.norm(centres, axis=1)) > 1.5
+    assert np.abs(np.mean(centres / np.linalg.norm(centres, axis=1, keepdims=True), axis=0)).max() < 0.3
 
 
 def test_the_order_covers_before_it_repeats():

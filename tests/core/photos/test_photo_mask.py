@@ -13,7 +13,7 @@ from core.errors import PhotoError
 from core.features.extractors.sift import RootSift
 from core.photos.mask import find_mask, masked
 from core.photos.photo import Photo, read_photo
-from core.pose.search.observe import Frontend, make_query
+from core.pose.search.observe import Frontend, extract_photo_features
 from core.synthetic import sample_cameras
 
 
@@ -83,8 +83,8 @@ def test_no_feature_comes_from_what_is_masked(tmp_path):
     noise = cv2.resize(np.random.default_rng(3).integers(0, 256, (60, 80, 3)).astype(np.uint8), (320, 240))
     plain = Photo(noise, "a.png")
     frontend = Frontend(extractor=RootSift())
-    before = make_query(plain, camera, 320, frontend).features.keypoints
-    after = make_query(masked(plain, mask_file(tmp_path / "m.png", 240, 320, slice(0, 160))), camera, 320, frontend)
+    before = extract_photo_features(plain, camera, 320, frontend).features.keypoints
+    after = extract_photo_features(masked(plain, mask_file(tmp_path / "m.png", 240, 320, slice(0, 160))), camera, 320, frontend)
     assert (before[:, 0] < 159).sum() > 50
     assert (after.features.keypoints[:, 0] < 159).sum() == 0
     assert len(after.features.keypoints) > 50

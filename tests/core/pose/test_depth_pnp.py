@@ -8,7 +8,7 @@ from geometry import CAMERA, fan, make_matches, random_pose, world
 
 from core.geometry.camera import pose_error
 from core.geometry.lie import se3_exp
-from core.pose.search.depth_pnp import FOCAL_SCALES, _jacobian, _reproject, lifted, pnp_pose
+from core.pose.search.depth_pnp import FOCAL_SCALES, ScaledPose, _jacobian, _reproject, lifted, pnp_pose
 
 FOCAL = CAMERA.focal
 
@@ -23,9 +23,9 @@ def _views(seed, noise=0.0, outliers=0.0, count=3):
 @pytest.mark.parametrize("outliers", [0.0, 0.4])
 def test_pose_is_found_among_outliers(outliers):
     truth, views = _views(1, 0.3, outliers)
-    pose, scale = pnp_pose(views, FOCAL)
-    distance, degrees = pose_error(pose, truth)
-    assert scale == 1.0 and distance < 0.01 and degrees < 0.15
+    found = pnp_pose(views, FOCAL)
+    distance, degrees = pose_error(found.pose, truth)
+    assert found.scale == 1.0 and distance < 0.01 and degrees < 0.15
 
 
 @pytest.mark.parametrize("wrong", [0.7, 0.9, 1.25, 1.5])
@@ -34,21 +34,22 @@ def test_a_wrong_focal_length_is_found_with_the_pose(wrong):
     guessed = [
         replace(v, query=v.query / wrong) for v in views
     ]  # ideal coordinates under a focal length `wrong` times too long
-    pose, scale = pnp_pose(guessed, wrong * FOCAL, FOCAL_SCALES)
-    distance, degrees = pose_error(pose, truth)
-    assert scale * wrong == pytest.approx(1.0, abs=0.01)
+    found = pnp_pose(guessed, wrong * FOCAL, FOCAL_SCALES)
+    distance, degrees = pose_error(found.pose, truth)
+    assert found.scale * wrong == pytest.approx(1.0, abs=0.01)
     assert distance < 0.05 and degrees < 0.3
 
 
 def test_the_jacobian_is_the_finite_difference():
     truth, views = _views(3)
     points, query = lifted(views)
-    r0 = _reproject(truth, 1.1, points, query, FOCAL)[1]
+    r0 = _reproject(ScaledPose(truth, 1.1), points, query, FOCAL)[1]
     J, eps = _jacobian(r0, 1.1, FOCAL), 1e-6
     for k in range(7):
         step = np.eye(7)[k] * eps
-        plus = _reproject(se3_exp(step[:6]) @ truth, 1.1 * np.exp(step[6]), points, query, FOCAL)[0]
-        minus = _reproject(se3_exp(-step[:6]) @ truth, 1.1 * np.exp(-step[6]), points, query, FOCAL)[0]
+        plus, minus = (
+            _reproject(ScaledPose(se3_exp(s[:6]) @ truth, 1.1 * np.exp(s[6])), points, query, FOCAL)[0] for s in (step, -step)
+        )
         np.testing.assert_allclose(J[:, :, k], (plus - minus) / (2 * eps), rtol=1e-5, atol=1e-3)
 
 

@@ -9,7 +9,7 @@ from boxroom import BoxRoom
 from core.geometry.camera import Intrinsics, Pose
 from core.geometry.lie import so3_exp
 from core.photos.photo import Photo
-from core.pose.final.guided import follow, match_corners, pick_corners
+from core.pose.final.guided import PosedRender, follow, match_corners, pick_corners
 from core.pose.shared.matches import bearings
 from core.pose.shared.surface import sample
 from core.pose.shared.working import WorkingPhoto
@@ -58,7 +58,7 @@ def test_a_plain_photo_has_no_corners_and_no_matches(room):
     view = room.render(plain.pinhole, TRUTH)
     corners = pick_corners(plain, TRUTH, view)
     assert corners.pixels.shape == (0, 2) and corners.world.shape == (0, 3)
-    assert len(match_corners(view, plain, TRUTH, TRUTH, corners, reference=True)) == 0
+    assert len(match_corners(PosedRender(view, TRUTH, reference=True), plain, TRUTH, corners)) == 0
 
 
 def test_sampling_is_bilinear_between_pixel_centres():
@@ -77,5 +77,5 @@ def test_a_tiny_photo_is_no_accident(room):
     small = LENS.resized(40, 30)
     photo = WorkingPhoto.of(room.photo(small, TRUTH), small, 640)
     view = room.render(photo.pinhole, TRUTH)
-    matches = match_corners(view, photo, TRUTH, TRUTH, pick_corners(photo, TRUTH, view), reference=True)
+    matches = match_corners(PosedRender(view, TRUTH, reference=True), photo, TRUTH, pick_corners(photo, TRUTH, view))
     assert np.isfinite(matches.view).all()

@@ -9,7 +9,7 @@ from geometry import CAMERA, make_matches, random_pose, world
 
 from core.geometry.lie import hat, se3_exp
 from core.pose.final.reprojection import Lifted, apply, reproject, whitening
-from core.pose.shared.lens import LensCamera, lens_difference, moved_lens
+from core.pose.shared.lens import CameraUnknowns, lens_difference, moved_lens
 from core.pose.shared.matches import world_points
 from core.pose.shared.robust import MIN_SIGMA_PX, robust_std
 
@@ -32,7 +32,7 @@ def setting():
     matches = make_matches(rng, truth, random_pose(rng), world(rng, 80), noise_px=1.0)
     pose = se3_exp(0.01 * rng.normal(size=6)) @ truth
     seen = LENS.project(np.column_stack([matches.query, np.ones(len(matches))]))
-    return rng, LensCamera(pose, LENS), matches, seen
+    return rng, CameraUnknowns(pose, LENS), matches, seen
 
 
 def test_residuals_are_opencvs_projection_minus_what_was_seen(setting):
@@ -80,7 +80,7 @@ def test_whitening_is_the_dense_covariance(setting):
 
 def test_an_unknown_depth_leaves_the_distance_to_opencvs_epipolar_line(setting):
     _, camera, matches, _ = setting
-    camera = LensCamera(camera.pose, CAMERA)
+    camera = CameraUnknowns(camera.pose, CAMERA)
     K = CAMERA.matrix
     seen = matches.query @ K[:2, :2].T + K[:2, 2]
     relative = camera.pose @ matches.pose.inverse()
@@ -101,7 +101,7 @@ def test_without_a_baseline_both_directions_count_alike(offset):
     pose, points = random_pose(rng, offset=offset), world(rng, 80, offset)
     matches = make_matches(rng, pose, pose, points, noise_px=1.0)
     seen = LENS.project(np.column_stack([matches.query, np.ones(len(matches))]))
-    r = reproject(LensCamera(pose, LENS), lift(matches, seen))
+    r = reproject(CameraUnknowns(pose, LENS), lift(matches, seen))
     white = apply(whitening(r, 0.5, np.inf), r.residual)
     assert np.isfinite(white).all()
     np.testing.assert_allclose((white**2).sum(0), (r.residual**2).sum(0) / 0.25)

@@ -8,7 +8,7 @@ import pytest
 from core.features.types import Features, Matches
 from core.geometry.camera import Intrinsics, Pose
 from core.photos.photo import Photo
-from core.pose.search.observe import make_query, observe
+from core.pose.search.observe import extract_photo_features, observe
 from core.pose.search.solve import gate
 from core.pose.shared.matches import ViewMatches
 from core.pose.shared.surface import depth_at
@@ -61,7 +61,7 @@ def test_the_loop_reads_depth_as_the_last_stage_does():
             return plane()
 
     lens, frontend = Intrinsics(40, 30, 40.0, 40.0, 20.0, 15.0), Frontend()
-    query = make_query(Photo(np.zeros((30, 40, 3), np.uint8)), lens, 640, frontend)
+    query = extract_photo_features(Photo(np.zeros((30, 40, 3), np.uint8)), lens, 640, frontend)
     matches = observe(Plane(), query, Pose(), True, frontend).matches
     np.testing.assert_allclose(matches.depth, depth_at(plane(), places)[0])
     np.testing.assert_allclose(matches.depth, 2 + places[:, 0] / 20, atol=2e-3)

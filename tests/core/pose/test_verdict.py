@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from core.geometry.camera import Intrinsics, Pose
-from core.pose.final.solution import Solution
+from core.pose.final.solution import FittedCamera
 from core.pose.report import PoseQuality
 from core.pose.report_json import quality_to_dict
-from core.pose.shared.lens import LensCamera
+from core.pose.shared.lens import CameraUnknowns
 from core.pose.shared.matches import ViewMatches
-from core.pose.verdict import words
-from core.pose.verdict.verdict import Matched, assess, fits_better, judge
+from core.pose.verdict import sentences
+from core.pose.verdict.verdict import LoopMatches, assess, fits_better, judge
 from core.pose.verdict.verify import FinalView
 
 GOOD = PoseQuality(
@@ -49,7 +49,7 @@ def test_a_good_pose_is_trusted_in_plain_words():
     assert reasons[0] == "The splat sits on the photo to 0.8 px."
     text = " ".join(reasons)
     assert not re.search(r"epipolar|RMS|deviation|median|covariance|corner", text), "terms belong into the details"
-    details = " ".join(words.details(GOOD))
+    details = " ".join(sentences.details(GOOD))
     for figure in ("80 % of 500 corners", "0.84 px of the photo", "1500 matches in 7 views", "1.20 px", "0.030 %", "0.050 %"):
         assert figure in details
 
@@ -101,7 +101,7 @@ def test_no_sentence_ever_holds_a_nan_or_an_infinity():
         for of, corners in itertools.product(("refined", "start", "rejected"), (0, 12, 500)):
             quality = replace(GOOD, **{"of": of, "corners": corners, **change})
             start = replace(quality, agreement=0.5)
-            for sentence in (*judge(quality)[1], *words.details(quality), words.start_kept(start, replace(GOOD))):
+            for sentence in (*judge(quality)[1], *sentences.details(quality), sentences.start_kept(start, replace(GOOD))):
                 assert not re.search(r"\b(nan|inf)\b", sentence), (change, sentence)
                 assert sentence.endswith(".") and (sentence[0].isupper() or sentence[0].isdigit())
 
@@ -124,7 +124,7 @@ def test_the_rms_has_one_threshold_whatever_the_photo(photo, rms, verdict):
 
 def solution(stage, long_side, rms_px):
     k = Intrinsics(long_side, long_side // 2, 500.0, 500.0, 300.0, 200.0)
-    return Solution(LensCamera(Pose(), k), stage, rms_px, 0.001, 0.01, math.nan, 0.002, 0.01, "fixed")
+    return FittedCamera(CameraUnknowns(Pose(), k), stage, rms_px, 0.001, 0.01, math.nan, 0.002, 0.01, "fixed")
 
 
 @pytest.mark.parametrize(("stage", "long_side", "rms_px"), [("loop", 640, 0.3), ("joint", 1280, 0.6)])
@@ -134,7 +134,7 @@ def test_the_loop_and_the_last_stage_are_judged_in_the_same_pixels(stage, long_s
     loop = Intrinsics(640, 320, 500.0, 500.0, 320.0, 160.0)
     views = [ViewMatches(Pose(), np.zeros((5, 2)), np.zeros((5, 2)), np.ones(5), np.ones(5))]
     seen = FinalView(500, 0.8, 2.4, 0.9, 1.0)
-    quality = assess(solution(stage, long_side, rms_px), Matched(views, loop, 2.0), seen, photo)
+    quality = assess(solution(stage, long_side, rms_px), LoopMatches(views, loop, 2.0), seen, photo)
     assert quality.rms_px_of_photo == pytest.approx(2.4)
     assert quality.offset_px_of_photo == 2.4 and quality.pose == Pose() and quality.of == "refined"
     assert quality.disagreement_pct == pytest.approx(0.1)

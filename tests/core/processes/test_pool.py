@@ -131,7 +131,7 @@ def test_one_that_cannot_be_replaced_leaves_the_rest_to_the_others(monkeypatch):
 
 
 def test_a_job_that_takes_for_ever_is_given_up(monkeypatch):
-    monkeypatch.setattr(module, "JOB_LIMIT_S", 2.0)
+    monkeypatch.setattr(module, "TASK_LIMIT_S", 2.0)
     records, _, errors = run(monkeypatch, Starts(WELL), jobs("hang", "go"), workers=1)
     assert not errors
     assert records[0]["lost"] == "no answer in 2 s"

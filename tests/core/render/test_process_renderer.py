@@ -78,7 +78,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 
 
 def ready(renderer: ProcessRenderer, count: int) -> Callable[[], bool]:
-    return lambda: len(renderer._team._ready) == count
+    return lambda: len(renderer._children._ready) == count
 
 
 @pytest.fixture
@@ -109,7 +109,7 @@ def test_views_are_those_of_one_process_to_the_bit(scene, started):
 def test_a_process_that_dies_costs_no_view(scene, started, caplog, deaths):
     renderer, _ = started
     with caplog.at_level(logging.WARNING):
-        for child in renderer._team._ready[-deaths:]:  # the last is asked first
+        for child in renderer._children._ready[-deaths:]:  # the last is asked first
             child.kill()
         found = [renderer.render(CAMERA, pose) for pose in poses(4)]
     alone = Renderer(scene, RenderSettings(threads=1))
@@ -120,15 +120,15 @@ def test_a_process_that_dies_costs_no_view(scene, started, caplog, deaths):
 
 def test_a_spared_process_draws_only_where_no_other_is(scene, monkeypatch):
     alone, here = Renderer(scene, RenderSettings(threads=1)), []
-    with ProcessRenderer(scene, RenderSettings(threads=2), spare=True) as renderer:
+    with ProcessRenderer(scene, RenderSettings(threads=2), interactive=True) as renderer:
         wait_for(ready(renderer, 2))
         monkeypatch.setattr(renderer._here, "render", lambda *view: here.append(view) or alone.render(*view))
         with ThreadPoolExecutor(4) as pool:
             found = list(pool.map(lambda pose: renderer.render(CAMERA, pose), poses(8)))
         assert not here
         assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, poses(8), strict=True))
-        assert same(renderer.alone.render(CAMERA, Pose()), alone.render(CAMERA, Pose()))
-        for child in renderer._team._ready:
+        assert same(renderer.sole.render(CAMERA, Pose()), alone.render(CAMERA, Pose()))
+        for child in renderer._children._ready:
             child.kill()
         assert same(renderer.render(CAMERA, Pose()), alone.render(CAMERA, Pose()))
         assert len(here) == 1
@@ -215,20 +215,20 @@ def most_at_once(renderer: ProcessRenderer, monkeypatch: pytest.MonkeyPatch, ask
     return most[0]
 
 
-@pytest.mark.parametrize("spare", [False, True])
-def test_processes_that_die_at_their_start_do_not_change_how_many_views_are_drawn(scene, monkeypatch, spare):
+@pytest.mark.parametrize("interactive", [False, True])
+def test_processes_that_die_at_their_start_do_not_change_how_many_views_are_drawn(scene, monkeypatch, interactive):
     starter = Starter()
     with ProcessRenderer(
-        scene, RenderSettings(threads=4), lambda _, environment: starter("no_such_module", environment), spare=spare
+        scene, RenderSettings(threads=4), lambda _, environment: starter("no_such_module", environment), interactive=interactive
     ) as renderer:
-        wait_for(lambda: len(starter.children) == 3 + spare and not renderer._team._all)
+        wait_for(lambda: len(starter.children) == 3 + interactive and not renderer._children._all)
         assert most_at_once(renderer, monkeypatch) == 4
 
 
 def test_processes_that_die_later_leave_their_views_to_this_one(scene, monkeypatch):
     with ProcessRenderer(scene, RenderSettings(threads=3)) as renderer:
         wait_for(ready(renderer, 2))
-        for child in renderer._team._ready:
+        for child in renderer._children._ready:
             child.kill()
         assert most_at_once(renderer, monkeypatch) == 3
 
@@ -262,7 +262,7 @@ from core.render import ProcessRenderer, RenderSettings, processes
 from render_scenes import cloud, make_scene
 processes.MIN_GAUSSIANS = 1
 renderer = ProcessRenderer(make_scene(*cloud()), RenderSettings(threads=3))
-while {when == "while they draw"} and len(renderer._team._ready) < 2:
+while {when == "while they draw"} and len(renderer._children._ready) < 2:
     time.sleep(0.02)
 print("ready", flush=True)
 time.sleep(600)

@@ -30,7 +30,7 @@ def arrays(count, coefficients=4, seed=0):
 def test_a_sound_scene_stays_as_it_is_bit_by_bit():
     given = arrays(3 * CHECKED_ROWS + 5)
     wanted = [a.copy() for a in given]
-    scene = GaussianScene.checked(*given, "here", "Y_UP")
+    scene = GaussianScene(*given, format="here", orientation="Y_UP").checked()
     got = (scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh)
     for a, b, c in zip(got, wanted, given, strict=True):
         np.testing.assert_array_equal(a, b)
@@ -56,7 +56,7 @@ def test_what_cannot_be_used_is_left_out_and_counted(case):
     index, spoil = BAD[case]
     for row in bad:
         spoil(given[index][row])
-    scene = GaussianScene.checked(*given)
+    scene = GaussianScene(*given).checked()
     assert (scene.dropped, scene.normalised, len(scene)) == (4, 0, len(wanted[0]) - 4)
     for got, want in zip((scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh), wanted, strict=True):
         np.testing.assert_array_equal(got, np.delete(want, bad, axis=0))
@@ -65,7 +65,7 @@ def test_what_cannot_be_used_is_left_out_and_counted(case):
 def test_an_opacity_that_is_no_number_is_left_out():
     given = arrays(5)
     given[3][2] = np.nan
-    assert GaussianScene.checked(*given).dropped == 1
+    assert GaussianScene(*given).checked().dropped == 1
 
 
 def test_quaternions_of_any_length_and_opacities_out_of_range_are_put_right_and_counted():
@@ -74,7 +74,7 @@ def test_quaternions_of_any_length_and_opacities_out_of_range_are_put_right_and_
     given[2][2] *= 3
     given[2][5] *= -0.5
     given[3][:3] = -0.25, 1.5, 0.5
-    scene = GaussianScene.checked(*given)
+    scene = GaussianScene(*given).checked()
     np.testing.assert_allclose(np.linalg.norm(scene.rotations, axis=1), 1, atol=1e-6)
     np.testing.assert_allclose(scene.rotations[2], wanted[2], atol=1e-6)
     np.testing.assert_allclose(scene.rotations[5], -wanted[5], atol=1e-6)
@@ -86,7 +86,7 @@ def test_nothing_left_is_refused():
     given = arrays(3)
     given[0][:] = np.nan
     with pytest.raises(SplatFormatError, match="All 3 Gaussians"):
-        GaussianScene.checked(*given)
+        GaussianScene(*given).checked()
 
 
 def test_arrays_that_cannot_be_written_are_copied():
@@ -94,7 +94,7 @@ def test_arrays_that_cannot_be_written_are_copied():
     given[2][1] *= 2
     for a in given:
         a.flags.writeable = False
-    assert GaussianScene.checked(*given).normalised == 1
+    assert GaussianScene(*given).checked().normalised == 1
     assert np.linalg.norm(given[2][1]) == pytest.approx(2, rel=1e-5)
 
 
@@ -103,8 +103,8 @@ def test_every_reader_ends_in_it(tmp_path, monkeypatch, suffix):
     path = tmp_path / f"scene{suffix}"
     path.write_bytes(ply_bytes(raw_table(4)) if suffix == ".ply" else spz_bytes(spz_rows(40, 1), 3, 1))
     seen = []
-    whole = GaussianScene.checked.__func__
-    monkeypatch.setattr(GaussianScene, "checked", classmethod(lambda cls, *a: seen.append(1) or whole(cls, *a)))
+    whole = GaussianScene.checked
+    monkeypatch.setattr(GaussianScene, "checked", lambda self: seen.append(1) or whole(self))
     read_splats(path)
     assert seen == [1]
 

@@ -20,12 +20,12 @@ def pixels(value: float) -> str:
 
 
 def per_cent(value: float) -> str:
-    """A share that may be small: two digits behind the point below 1 %, none above 10 %."""
+    """A figure in per cent: with two decimals below 1 %, one below 10 %, and none above."""
     return f"{value:.2f} %" if value < 1 else f"{value:.1f} %" if value < 10 else f"{value:.0f} %"
 
 
 def share(value: float) -> str:
-    """A share 0..1 in whole per cent; one that is not known is none."""
+    """A share 0..1 in whole per cent; an unknown share counts as 0."""
     return f"{100 * value:.0f} %" if isfinite(value) else "0 %"
 
 
@@ -112,7 +112,7 @@ def other_lens(q: PoseQuality) -> str:
 
 
 def details(q: PoseQuality) -> tuple[str, ...]:
-    """The figures behind a verdict, those that there are."""
+    """The figures behind a verdict, as far as they are known."""
     said = [_agreement(q)]
     if q.inliers and isfinite(q.rms_px_of_photo):
         said.append(

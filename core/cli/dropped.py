@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from ..splats import GaussianScene
-from .console import note
+from .console import message
 
 
 def say_dropped(scene: GaussianScene) -> None:
     """Tell how many Gaussians of the file were left out, when any were."""
     if scene.dropped:
         total = scene.dropped + len(scene)
-        note(f"Left out {scene.dropped} of {total} Gaussians whose values are NaN or infinite.")
+        message(f"Left out {scene.dropped} of {total} Gaussians whose values are NaN or infinite.")
     if scene.normalised:
-        note(f"Put right {scene.normalised} Gaussians whose rotation or opacity was out of range.")
+        message(f"Put right {scene.normalised} Gaussians whose rotation or opacity was out of range.")
