@@ -101,7 +101,8 @@ class Placing:
             return first
         message("The refinement from the start failed; the photo is searched for without it.")
         found = self._find(photo, Unplaced.of(wanted))
-        return Placed(joined(first.record, found.record), found.report or first.report)
+        record = joined(first.record, found.record)
+        return Placed(record, replace(found.report or report, reasons=tuple(record["reasons"])))
 
     def _find(self, photo: Photo, wanted: Unplaced) -> Placed:
         assert self._flags is not None
