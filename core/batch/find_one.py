@@ -50,7 +50,7 @@ def joined(first: Record, found: Record) -> Record:
     seconds = round(first["seconds"] + found["seconds"], 3)
     if found["verdict"] != "failed":
         return {**found, "reasons": [*found["reasons"], RETRIED], "seconds": seconds}
-    reasons = [*first["reasons"], *(f"Without the start: {reason}" for reason in found["reasons"])]
+    reasons = [*first["reasons"], *(f"Without the start: {r}" for r in found["reasons"] if r not in first["reasons"])]
     more = {name: found.get(name) for name in ("hypothesis", "map_views")}
     return {**first, "reasons": reasons, "seconds": seconds, **more}
 

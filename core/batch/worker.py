@@ -53,7 +53,7 @@ def main() -> int:
         if landmarks is None:
             requests.answer(refine_record(renderer, settings, job["camera"], Path(job["photo"]), mask))
         else:
-            requests.answer(Finder(renderer, settings, landmarks).record(job["camera"], Path(job["photo"]), mask))
+            requests.answer(RecordFinder(renderer, settings, landmarks).record(job["camera"], Path(job["photo"]), mask))
 
 
 def refine_record(
@@ -64,7 +64,7 @@ def refine_record(
     return _guarded(camera, lambda: report_to_dict(refine_photo(renderer, read_masked_photo(photo, mask), camera, settings)))
 
 
-class Finder:
+class RecordFinder:
     """Finds photos in one scan by one map."""
 
     def __init__(self, renderer: Renderer, settings: RefineSettings, landmarks: LandmarkMap) -> None:

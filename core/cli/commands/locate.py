@@ -44,8 +44,10 @@ def run(args: argparse.Namespace) -> Outcome:
     photo = read_photo(args.photo)
     for remark in photo.notes:
         message(remark)
-    wanted = _lens(args.camera, args.photo, photo)
+    given = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
+    wanted = Unplaced(photo.file, given.intrinsics, given.focal_guessed).with_guess(guess_lens(photo).intrinsics)
     target = find_target(photo, wanted, mask)
+    _say_lens(given, photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
@@ -56,12 +58,9 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(OK, args.scene, (found.camera,), (args.photo,), (found.refined,), (mask,))
 
 
-def _lens(file: Path | None, path: Path, photo: Photo) -> Unplaced:
-    """The lens of the file, or by the photo, which is said then."""
-    given = Unplaced() if file is None else pick_wanted(file, path)
+def _say_lens(given: StartCamera | Unplaced, photo: Photo) -> None:
+    """Tells what was assumed, and what was given for nothing."""
     if isinstance(given, StartCamera):
         message("The pose in the file of the lens is not used; `refine` begins at it.")
-    guess = guess_lens(photo)
     if given.intrinsics is None:
-        message(f"The lens is not known: {guess.assumption}.")
-    return Unplaced(photo.file, given.intrinsics, given.focal_guessed).with_guess(guess.intrinsics)
+        message(f"The lens is not known: {guess_lens(photo).assumption}.")

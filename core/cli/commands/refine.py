@@ -55,9 +55,10 @@ def run(args: argparse.Namespace) -> Outcome:
     photo = read_masked_photo(args.photo, mask)
     for remark in photo.notes:
         message(remark)
-    wanted = wanted_camera(Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo), photo)
-    if isinstance(wanted, Unplaced) and not args.locate:
+    told = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
+    if isinstance(told, Unplaced) and not args.locate:
         raise CameraError(f"The camera in '{args.camera.name}' has no R and t; give a start, or leave out --no-locate.")
+    wanted = wanted_camera(told, photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
@@ -100,7 +101,8 @@ class Placing:
             return first
         message("The refinement from the start failed; the photo is searched for without it.")
         found = self._find(photo, Unplaced.of(wanted))
-        return Placed(joined(first.record, found.record), found.report or first.report)
+        record = joined(first.record, found.record)
+        return Placed(record, replace(found.report or report, reasons=tuple(record["reasons"])))
 
     def _find(self, photo: Photo, wanted: Unplaced) -> Placed:
         assert self._flags is not None
@@ -125,7 +127,9 @@ def wanted_camera(wanted: StartCamera | Unplaced, photo: Photo) -> Camera | Unpl
     """
     guess = guess_lens(photo)
     if wanted.intrinsics is None:
-        message(f"The start tells no lens: {guess.assumption}.")
+        message(
+            f"{'The start tells no lens' if isinstance(wanted, StartCamera) else 'The lens is not known'}: {guess.assumption}."
+        )
     if isinstance(wanted, Unplaced):
         return replace(wanted.with_guess(guess.intrinsics), file=photo.file)
     return replace(wanted.camera(guess.intrinsics), file=photo.file)

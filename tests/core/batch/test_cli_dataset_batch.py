@@ -104,6 +104,29 @@ def test_cambridge_folder_needs_a_focal_length_and_takes_it(place, tmp_path, cap
         assert pose_error(frame.pose, place.truths[k].pose)[0] < 0.3 * start
 
 
+@pytest.mark.parametrize("layout", ["7scenes", "cambridge"])
+def test_a_folder_without_starts_is_found_by_the_scan_alone(place, tmp_path, layout):
+    known = place.json(tmp_path / "known.json", place.truths)  # a small map, so that the test is quick
+    folder, lens = (place.rooms, []) if layout == "7scenes" else (place.town, ["--focal", 525 / 4])
+    argv = [*lens, "--cameras", known, "--views", "3", "--map", tmp_path / "m.gssmc-map", "--out", tmp_path / "r.json"]
+    assert batch(place, folder, *argv, "--poses", tmp_path / "p.txt") == 0
+    found = datasets.read(tmp_path / "p.txt")
+    assert len(found.frames) == 3
+    for frame, truth in zip(found.frames, place.truths, strict=True):
+        distance, degrees = pose_error(frame.pose, truth.pose)
+        assert (distance < 0.1) and (degrees < 1.5)
+
+
+def test_photos_that_the_start_file_lacks_are_searched_for(place, tmp_path, capsys):
+    known, starts = place.json(tmp_path / "known.json", place.truths), tmp_path / "s.txt"
+    pose_list.write(starts, [(f"Town/seq2/frame{k:06d}.png", place.starts[k].pose) for k in (2, 1)])
+    argv = ["--start", starts, "--focal", 525 / 4, "--cameras", known, "--views", "3", "--map", tmp_path / "m.gssmc-map"]
+    assert batch(place, place.town, *argv, "--out", tmp_path / "r.json") == 0
+    assert "1 of 3 test photos have no start pose in 's.txt' and are searched for without one." in capsys.readouterr().err
+    records = json.loads((tmp_path / "r.json").read_text())["frames"]
+    assert ["hypothesis" in record for record in records] == [True, False, False]
+
+
 def test_a_photo_that_cannot_be_read_has_no_pose_and_counts_as_missing(place, tmp_path, capsys):
     name = "seq-02/frame-000003.color.png"
     broken = put(place.rooms / name, "no photo")

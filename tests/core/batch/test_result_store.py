@@ -241,3 +241,32 @@ def test_halves_of_killed_writes_are_removed(full):
     (full.parent / ".others.json.0a1b2c3d.part").write_text("another's")
     resumed(full)
     assert sorted(os.listdir(full.parent)) == [".others.json.0a1b2c3d.part", "results.json"]
+
+
+def test_ctrl_c_between_the_journal_and_the_memory_loses_no_result(path, monkeypatch):
+    sync = os.fsync
+
+    def interrupted(handle):
+        sync(handle)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), ResultStore(path, KEYS) as store:
+        store.put(0, record(0))
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", interrupted)
+            store.put(1, record(1))
+    assert [f["file"] for f in frames(path)] == ["0.jpg", "1.jpg"]
+
+
+def test_a_record_that_takes_the_place_of_another_and_cannot_be_written_leaves_the_first(path, monkeypatch):
+    def full_disk(handle):
+        raise OSError(28, "No space left on device")
+
+    with ResultStore(path, KEYS) as store:
+        store.put(0, record(0))
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", full_disk)
+            with pytest.raises(OSError, match="No space"):
+                store.put(0, record(0, verdict="trusted"))
+        assert store.records[0]["verdict"] == "check"
+    assert [f["verdict"] for f in frames(path)] == ["check"]

@@ -138,7 +138,7 @@ def test_photo_of_another_place_ends_in_failed_with_exit_3_and_the_start_camera(
     noise = np.random.default_rng(5).integers(0, 255, (SIZE[1] // 4, SIZE[0] // 4, 3), np.uint8)
     cv2.imwrite(str(tmp_path / "other.png"), cv2.resize(noise, SIZE, interpolation=cv2.INTER_CUBIC))
     cam = place.json(tmp_path / "cam.json", place.starts[:1])
-    code, out, _ = run(capsys, "refine", place.scene, tmp_path / "other.png", "--camera", cam, *FAST)
+    code, out, _ = run(capsys, "refine", place.scene, tmp_path / "other.png", "--camera", cam, "--no-locate", *FAST)
     result = json.loads(out)
     assert (code, result["verdict"]) == (3, "failed")
     np.testing.assert_allclose(result["R"], place.starts[0].pose.R, atol=1e-12)
@@ -242,7 +242,7 @@ def mistakes(place, tmp):
         "no pose": (["refine", scene, photo, "--camera", tmp / "name.json", "--no-locate"], "has no R and t"),
         "half a pose": (["refine", scene, photo, "--camera", tmp / "half.json"], "lacks t"),
         "batch without a pose": (["batch", scene, tmp / "name.json", "--out", out, "--no-locate"], "Camera 1 of"),
-        "map options of no use": ([*refine, "--no-locate", "--views", "5"], "of no use with --no-locate"),
+        "map options of no use": ([*refine, "--no-locate", "--views", "5"], "which --no-locate switches off"),
         "map over a photo": (["locate", scene, photo, "--map", photo], "would overwrite the photo"),
         "map over another file": (["map", scene, "--map", tmp / "text.jpg"], "is no map of a scan"),
         "map over the scan": (["map", scene, "--map", scene], "would overwrite the scan"),

@@ -219,13 +219,14 @@ def test_a_better_map_that_another_process_wrote_meanwhile_stays(scene, tmp_path
 @pytest.mark.process
 def test_two_processes_at_once_do_no_harm(scene, tmp_path):
     write_ply(tmp_path / "room.ply", scene)
-    code = (
-        "import sys; from core.locate import *; from core.splats import read_splats\n"
-        "from core.synthetic import sample_cameras\n"
-        f"s, known = read_splats(sys.argv[1]), sample_cameras({VIEWS})\n"
-        f"c = MapCache(s, MapPlace(sys.argv[1]), MapSettings({VIEWS}, 160), known)\n"
-        "print(len(list(c.steps())[-1].map), len(c.read()))"
-    )
+    code = f"""
+import sys
+from core.locate import MapCache, MapPlace, MapSettings
+from core.splats import read_splats
+from core.synthetic import sample_cameras
+cache = MapCache(read_splats(sys.argv[1]), MapPlace(sys.argv[1]), MapSettings({VIEWS}, 160), sample_cameras({VIEWS}))
+print(len(list(cache.steps())[-1].map), len(cache.read()))
+"""
     command = [sys.executable, "-c", code, str(tmp_path / "room.ply")]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
     both = [subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) for _ in range(2)]
