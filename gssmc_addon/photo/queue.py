@@ -139,6 +139,7 @@ class RefineQueue(RetryQueue):
         self._finder = find_job.finder_of(scene, scene.gssmc.splat, self._renderer)
         self._told = find_job.Told(self._finder)
         self._targets: jobs.Targets | None = None
+        self._said = ""  # of the present try, before its progress
         self._tried = 0  # starts that the present photo of the second pass has
 
     def close(self) -> None:
@@ -168,6 +169,7 @@ class RefineQueue(RetryQueue):
         return partial(refinement, inputs)
 
     def _gather(self, item: int) -> RefineInputs:
+        self._said = self.detail
         uid, name = self._cameras[item]
         scene = jobs.by_uid(bpy.data.scenes, self._scene)
         splat, camera = jobs.by_uid(scene.objects, self._splat), jobs.by_uid(scene.objects, uid)
@@ -183,7 +185,8 @@ class RefineQueue(RetryQueue):
     def note(self, news: RefineProgress | FindProgress) -> None:
         fraction = news.fraction
         if isinstance(news, FindProgress):
-            fraction = self._told(news)[0]
+            fraction, _, told = self._told(news)
+            self.detail = " ".join([self._said, told])
         self.fraction = self.progress(fraction)
 
     def end_try(self, item: int, start: Start, report: RefineReport | FindReport) -> bool:
