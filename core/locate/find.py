@@ -105,8 +105,13 @@ class _Job:
 
     @property
     def done(self) -> bool:
-        """Whether a camera is trusted, or as many were refined as may be."""
-        return self._left == 0 or (self._best is not None and self._best[0].verdict == "trusted")
+        """Whether nothing better is to be expected: a camera is trusted, or one that was not failed came from a clear hypothesis,
+        whose place more views would only lead to again; or as many were refined as may be.
+        """
+        if self._best is None or self._left == 0:
+            return self._left == 0
+        report, start = self._best
+        return report.verdict == "trusted" or (report.verdict == "check" and start.clear)
 
     def due(self, step: MapStep) -> bool:
         """Whether the photo is to be tried on this step's map."""

@@ -73,9 +73,11 @@ class Told:
         now = time.perf_counter()
         if not self._views or views > self._views[-1][1]:
             self._views.append((now, views))
+        if views == 0:
+            return iface_("Making a map of the scan, which is kept for its other photos.")
         values = {"views": views, "count": max(views, self._finder.wanted_views)}
         drawn = [seen for seen in self._views if seen[1] > self._views[0][1]]
-        if views == 0 or len(drawn) < SEEN_VIEWS:
+        if len(drawn) < SEEN_VIEWS:
             return iface_("Map of the scan: view {views} of {count}", **values)
         (began, first), (last, _) = drawn[0], drawn[-1]
         seconds = (values["count"] - views) * (last - began) / (views - first)

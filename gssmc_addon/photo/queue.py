@@ -76,6 +76,7 @@ class RefineQueue(RetryQueue):
         self._finder = find_job.finder_of(scene, scene.gssmc.splat, self._renderer)
         self._told = find_job.Told(self._finder)
         self._targets: dict[int, refine_job.Targets] = {}  # The targets of the items that could be started.
+        self._said = ""  # What the panel says of the present try, before its progress.
         self._tried = 0  # How many starts the present photo of the second pass has.
 
     def close(self) -> None:
@@ -105,6 +106,7 @@ class RefineQueue(RetryQueue):
         return partial(refinement, inputs)
 
     def _inputs_of(self, item: int) -> RefineInputs:
+        self._said = self.detail
         uid, name = self._cameras[item]
         scene = by_uid(bpy.data.scenes, self._scene)
         splat, camera = by_uid(scene.objects, self._splat), by_uid(scene.objects, uid)
@@ -120,7 +122,8 @@ class RefineQueue(RetryQueue):
     def on_progress(self, news: RefineProgress | FindProgress) -> None:
         fraction = news.fraction
         if isinstance(news, FindProgress):
-            fraction = self._told(news)[0]
+            fraction, _, told = self._told(news)
+            self.detail = " ".join([self._said, told])
         self.fraction = self.progress(fraction)
 
     def end_try(self, item: int, start: Start, report: RefineReport | FindReport) -> bool:

@@ -114,7 +114,7 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
             name="Default Preset", items=PRESET_ITEMS, description="Settings of a scene when it gets its first splat"
         ),
         "map_place": EnumProperty(
-            name="Maps",
+            name="Keep Maps",
             items=MAP_PLACES,
             description="Where Find Camera keeps the maps of scans, so that only the first photo of a scan waits for one",
         ),

@@ -9,6 +9,8 @@ import rooms
 from by_hand import Context, event, operator
 
 from core.geometry.camera import pose_error
+from core.locate import MapCache, MapPlace, MapSettings
+from core.splats import read_splats
 
 VIEWS = 10  # of the tests' maps; the room is small
 MODULE = "bl_ext.user_default.gssmc"
@@ -85,7 +87,7 @@ def test_a_photo_without_a_start_comes_home_and_the_map_is_used_again(bpy, lost,
     assert is_home(extension, lost, camera, place[1][0])
     assert message() == "Found in the map of the scan."
     assert extension("gssmc_addon.camera.solution").verdict(lost, camera) == "TRUSTED"
-    assert len(maps(extension)) == 1
+    assert maps(extension) == [by_command_line(place[0].scene)]
     monkeypatch.setattr(extension("gssmc_addon.find.finder"), "build_map", only_known(extension))
     solution = extension("gssmc_addon.camera.record").loads(camera.data.gssmc.solution)
     camera.matrix_world = start
@@ -94,6 +96,11 @@ def test_a_photo_without_a_start_comes_home_and_the_map_is_used_again(bpy, lost,
     again = extension("gssmc_addon.camera.record").loads(camera.data.gssmc.solution)
     assert pose_error(again.camera.pose, solution.camera.pose)[0] < 1e-3
     assert len(maps(extension)) == 1
+
+
+def by_command_line(scan):
+    """The file in which the command line looks for the map of a scan's file."""
+    return MapCache(read_splats(scan), MapPlace(scan, beside=False), MapSettings()).files[0]
 
 
 def only_known(extension):

@@ -158,6 +158,17 @@ def test_the_search_asks_for_no_more_map_than_it_needs(renderer, steps):
     assert len(next(asked).map) == 11
 
 
+def test_a_camera_to_be_checked_ends_the_search_where_its_hypothesis_was_clear(renderer, steps):
+    """More views of the map would lead to the same place again, at the price of the whole map."""
+    camera, photo = photo_of(renderer, 0)
+    asked = iter(steps)
+    few_views = RefineSettings(threads=1, iterations=1, candidates=2)  # which the verdict never trusts
+    report = find_camera(renderer, PhotoLens(photo, camera.intrinsics), asked, few_views)
+    assert report.verdict == "check"
+    assert report.hypothesis.clear
+    assert report.views == 10
+
+
 def test_cancelling_at_any_step_leaves_nothing_behind(renderer, landmarks):
     camera, photo = photo_of(renderer, 0)
     target = PhotoLens(photo, camera.intrinsics)
