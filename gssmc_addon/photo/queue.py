@@ -123,7 +123,7 @@ class RefineQueue(RetryQueue):
         fraction = news.fraction
         if isinstance(news, FindProgress):
             fraction, _, told = self._told(news)
-            self.detail = " ".join([self._said, told])
+            self.detail = ". ".join(filter(None, [self._said, told]))
         self.fraction = self.progress(fraction)
 
     def end_try(self, item: int, start: Start, report: RefineReport | FindReport) -> bool:

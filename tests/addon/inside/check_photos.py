@@ -270,7 +270,8 @@ def test_a_photo_of_another_place_is_tried_a_few_times_and_says_so(bpy, listed, 
     assert matrices(listed)["p0"] == before
     assert own.photos[0].note == "Tried again from the cameras of 2 solved photos and in the whole scan."
     assert {detail.split(":")[0] for _, detail in seen if "Again" in detail} == {"Again, 1 of 1"}
-    assert {detail[-4:] for _, detail in seen if "Again" in detail} == {'"p1"', '"p2"', "scan"}
+    starts = {detail.split(": ")[1].split(".")[0] for _, detail in seen if "Again" in detail}
+    assert starts == {'from "p1"', 'from "p2"', "in the whole scan"}
     second = [fraction for fraction, detail in seen if "Again" in detail]
     assert second == sorted(second)
     assert 0 <= second[0] < 0.5 < second[-1] <= 1
