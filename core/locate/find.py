@@ -105,8 +105,8 @@ class _Job:
 
     @property
     def done(self) -> bool:
-        """Whether the search ends: a camera is trusted, or is to be checked and came from a clear hypothesis, because more views
-        would only lead to the same place again; or as many were refined as may be.
+        """Whether the search ends: a camera is trusted; or one is to be checked and came from a clear hypothesis, because more
+        views would only lead to the same place again; or as many were refined as may be.
         """
         if self._best is None or self._left == 0:
             return self._left == 0
