@@ -6,12 +6,46 @@ import re
 import unicodedata
 from collections import defaultdict
 from collections.abc import Sequence
+from typing import Protocol, TypeVar
 
-from ..errors import DatasetError
+from ..errors import CameraError, DatasetError
 from .types import short
 
 SUFFIX = re.compile(r"(\.(color|pose))?(\.(png|jpe?g|tiff?|webp|bmp|ppm|pgm|exr|hei[cf]|txt))?$", re.IGNORECASE)
 WORDS = re.compile(r"[^\W_]+")
+
+
+class NamesPhoto(Protocol):
+    """A record of a camera file; `file` is the photo's name as the file spells it, empty where it names none."""
+
+    @property
+    def file(self) -> str: ...
+
+
+Record = TypeVar("Record", bound=NamesPhoto)
+
+
+def record_of_photo(records: Sequence[Record], photo: str, source: str) -> Record:
+    """The one rule by which a photo gets its start: the file's only record, or the only one that names the photo.
+
+    Folders are left aside; equal file names go before other spellings of the same name. Raises CameraError when no record, or
+    more than one, names the photo; `source` is the camera file's name in its sentence.
+    """
+    if len(records) == 1:
+        return records[0]
+    name = _file_name(photo)
+    named = [one for one in records if _file_name(one.file) == name]
+    named = named or [one for one in records if one.file and name_key(_file_name(one.file)) == name_key(name)]
+    if len(named) != 1:
+        raise CameraError(
+            f"'{source}' holds {len(records)} cameras, {len(named)} of them for '{short(name)}'; "
+            'give one camera, or one whose "file" names the photo.'
+        )
+    return named[0]
+
+
+def _file_name(name: str) -> str:
+    return name.replace("\\", "/").rsplit("/", 1)[-1]
 
 
 def name_key(name: str) -> str:

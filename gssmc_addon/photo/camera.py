@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 
 from ...core.cameras.files import read_starts
+from ...core.cameras.names import record_of_photo
 from ...core.errors import CameraError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera, Intrinsics
@@ -39,27 +40,15 @@ class ViewportView:
 
 
 def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
-    """The camera of the file that names this photo, or its only one.
+    """The camera that the file has for this photo, by the same rule as on the command line.
 
-    Raises CameraError when none names the photo or no splat can carry the pose, PhotoError when the shapes differ.
+    Raises CameraError when none or several name the photo or no splat can carry the pose, PhotoError when the shapes differ.
     """
     if not scene.gssmc.splat:
         raise CameraError(rpt_("The camera file's pose needs a splat to stand in; import the splat first."))
     camera_bridge.splat_similarity(scene.gssmc.splat)
-    cameras = read_starts(Path(bpy.path.abspath(path)))
-    name = Path(photo.file).name
-    named = [c for c in cameras if Path(c.file).name == name]
-    if not named and len(cameras) == 1:
-        named = cameras
-    if not named:
-        raise CameraError(
-            rpt_(
-                'The camera file "{file}" has no camera for "{photo}"; add one whose "file" is that name.',
-                file=Path(path).name,
-                photo=name,
-            )
-        )
-    camera = named[0].camera(guess_lens(photo).intrinsics)
+    start = record_of_photo(read_starts(Path(bpy.path.abspath(path))), photo.file, Path(path).name)
+    camera = start.camera(guess_lens(photo).intrinsics)
     return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
 
 

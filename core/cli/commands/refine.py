@@ -10,6 +10,7 @@ from typing import Any
 from ...batch.find_one import find_target, found_to_dict, joined
 from ...batch.refine_one import read_masked_photo, refine_photo
 from ...cameras.files import StartCamera
+from ...cameras.names import record_of_photo
 from ...cameras.unplaced import Unplaced, read_wanted
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
@@ -136,14 +137,5 @@ def wanted_camera(wanted: StartCamera | Unplaced, photo: Photo) -> Camera | Unpl
 
 
 def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:
-    """The file's only record, or the one that names the photo. Raises CameraError when that is nobody, or several."""
-    records = read_wanted(file)
-    if len(records) == 1:
-        return records[0]
-    named = [one for one in records if Path(one.file).name == photo.name]
-    if len(named) != 1:
-        raise CameraError(
-            f"'{file.name}' holds {len(records)} cameras, {len(named)} of them for '{photo.name}'; "
-            'give one camera, or one whose "file" names the photo.'
-        )
-    return named[0]
+    """The record for the photo. Raises CameraError when the file has none, or several."""
+    return record_of_photo(read_wanted(file), photo.name, file.name)

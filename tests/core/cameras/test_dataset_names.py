@@ -2,8 +2,10 @@
 
 import pytest
 
-from core.cameras.names import match_names, name_key
-from core.errors import DatasetError
+from core.cameras.files import StartCamera
+from core.cameras.names import match_names, name_key, record_of_photo
+from core.errors import CameraError, DatasetError
+from core.geometry.camera import Pose
 
 
 def match(wanted, given):
@@ -66,3 +68,23 @@ def test_keys():
     assert name_key("1.5.png") == "1 5"
     assert name_key("???") == "???"  # nothing to go by but itself
     assert name_key("Cafe\u0301.png") == name_key("caf\u00e9.jpg")
+
+
+def record(file):
+    return StartCamera(Pose(), file)
+
+
+def test_a_photo_takes_the_only_record_or_the_only_one_that_names_it():
+    assert record_of_photo([record("")], "photos/a.jpg", "c.json").file == ""
+    both = [record("b.jpg"), record("left\\a.jpg")]
+    assert record_of_photo(both, "photos/a.jpg", "c.json").file == "left\\a.jpg"
+    spelt = [record("b.jpg"), record("A.JPEG")]
+    assert record_of_photo(spelt, "photos/a.jpg", "c.json").file == "A.JPEG"
+    exact = [record("a.png"), record("a.jpg")]
+    assert record_of_photo(exact, "a.jpg", "c.json").file == "a.jpg", "the same name goes before another suffix"
+
+
+@pytest.mark.parametrize("files", [("left/a.jpg", "right/a.jpg"), ("a.png", "a.tif"), ("b.jpg", "c.jpg"), ("", "")])
+def test_a_photo_named_by_none_or_by_several_is_refused(files):
+    with pytest.raises(CameraError, match=r"'c.json' holds 2 cameras, [02] of them for 'a.jpg'"):
+        record_of_photo([record(file) for file in files], "a.jpg", "c.json")
