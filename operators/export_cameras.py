@@ -12,6 +12,7 @@ from ..gssmc_addon.camera import exchange as camera_exchange
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.support.operator_parts import PlainOperator
+from ..gssmc_addon.support.outputs import check_export
 
 FORMATS = (
     ("JSON", "Camera JSON", "GS-SMC's own format, with the verdicts"),
@@ -61,6 +62,7 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         path = Path(bpy.path.abspath(self.filepath))
         if self.format == "COLMAP" and path.suffix == ".json":
             path = path.with_suffix("")
+        check_export(path)
         outgoing = camera_exchange.collect(context.scene, self._objects(context))
         if self.world:
             outgoing = camera_exchange.out_of_training_world(outgoing, Path(bpy.path.abspath(self.world)))

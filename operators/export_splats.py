@@ -12,6 +12,7 @@ from ..core.errors import SplatFormatError
 from ..gssmc_addon.splat import export as splat_export
 from ..gssmc_addon.splat.import_options import left_out
 from ..gssmc_addon.support.operator_parts import PlainOperator
+from ..gssmc_addon.support.outputs import check_export
 from ..gssmc_addon.support.texts import n_, rpt_
 
 NO_SPLAT = n_("No splat is active or picked; import one first")
@@ -55,6 +56,7 @@ class GSSMC_OT_export_splats(PlainOperator, bpy.types.Operator, ExportHelper):
     def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()
         path = Path(bpy.path.abspath(self.filepath))
+        check_export(path)
         splat = splat_export.splat_of(context)
         if splat is None:
             raise SplatFormatError(rpt_(NO_SPLAT))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import fields
 from pathlib import Path
@@ -15,6 +16,7 @@ from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
 from ..splats import GaussianScene
 from .console import message
+from .paths import check_outputs
 from .progress import ProgressBar
 
 CACHES = ("scan", "user")
@@ -35,6 +37,20 @@ def add_map_flags(parser: argparse.ArgumentParser, switch: bool = False) -> None
     group.add_argument("--views", type=int, metavar="N", help=f"most views of the map ({VIEWS})")
     where = "where the map is kept without --map: beside the scan (where that can be written) or in the user's cache folder"
     group.add_argument("--map-cache", choices=CACHES, default=CACHES[0], help=f"{where} ({CACHES[0]})")
+
+
+def stored_map(scan: Path) -> Path | None:
+    """The map that lies beside the scan; None where there is none."""
+    beside = MapPlace(scan).files("")[0]
+    return beside if beside.is_file() else None
+
+
+def check_results(outputs: Mapping[str, Path | None], scan: Path) -> None:
+    """Raises UsageError, before any work, when a file of results would overwrite the scan's map, or is a folder."""
+    for flag, path in outputs.items():
+        if path is not None and path.is_dir():
+            raise UsageError(f"{flag} '{path}' is a folder; give a file.")
+    check_outputs(outputs, {"the scan's map": stored_map(scan)})
 
 
 class MapFlags:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..support.atomic import atomic_write
-from .console import say
+from .console import message, say
 
 
 def put_result(out: Path | None, record: dict[str, Any]) -> None:
@@ -15,6 +15,7 @@ def put_result(out: Path | None, record: dict[str, Any]) -> None:
     text = json.dumps(record, indent=1)
     if out is None:
         say(text)
+        message(summary(record))
         return
     try:
         with atomic_write(out) as file:

@@ -24,7 +24,7 @@ from ...pose.settings import RefineSettings
 from ...splats import check_splat_file
 from ..console import message, say
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
-from ..maps import MapFlags, add_map_flags
+from ..maps import MapFlags, add_map_flags, check_results
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..rounds import TO_FIND, Rounds
@@ -97,6 +97,7 @@ def _check_paths(args: argparse.Namespace, queries: Sequence[BatchQuery], settin
         "the known cameras": args.cameras,
     }
     check_outputs({"--out": args.out, "--poses": args.poses, "--map": args.map}, inputs)
+    check_results({"--out": args.out, "--poses": args.poses}, args.scene)
 
 
 def _mask_files(masks: Path | None, photos: list[Path]) -> list[Path | None]:

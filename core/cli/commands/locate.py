@@ -15,7 +15,7 @@ from ...splats import read_splats
 from ..console import message
 from ..dropped import say_dropped
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
-from ..maps import MapFlags, add_map_flags, find_with_progress
+from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..result import put_result
@@ -39,7 +39,11 @@ def run(args: argparse.Namespace) -> Outcome:
     mask = None if args.mask is None else mask_file(args.mask, args.photo)
     models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
     inputs = {"the scan": args.scene, "the photo": args.photo, "the lens": args.camera, "the mask": mask}
-    check_outputs({"--out": args.out, "--map": args.map}, {**inputs, "the known cameras": args.cameras, "a model": models})
+    check_outputs(
+        {"--out": args.out, "--map": args.map},
+        {**inputs, "the known cameras": args.cameras, "a model": models},
+    )
+    check_results({"--out": args.out}, args.scene)
     flags = MapFlags(args, settings.threads)
     photo = read_photo(args.photo)
     for remark in photo.notes:

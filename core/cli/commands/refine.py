@@ -26,7 +26,7 @@ from ...splats import GaussianScene, read_splats
 from ..console import message
 from ..dropped import say_dropped
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
-from ..maps import MapFlags, add_map_flags, find_with_progress
+from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..progress import ProgressBar
@@ -74,7 +74,11 @@ def run(args: argparse.Namespace) -> Outcome:
 def _check_paths(args: argparse.Namespace, settings: RefineSettings, mask: Path | None) -> None:
     models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
     inputs = {"the scan": args.scene, "the photo": args.photo, "the start": args.camera, "the mask": mask, "a model": models}
-    check_outputs({"--out": args.out, "--map": args.map}, {**inputs, "the known cameras": args.cameras})
+    check_outputs(
+        {"--out": args.out, "--map": args.map},
+        {**inputs, "the known cameras": args.cameras},
+    )
+    check_results({"--out": args.out}, args.scene)
 
 
 class Placed:

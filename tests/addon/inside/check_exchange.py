@@ -301,3 +301,15 @@ def test_a_saved_file_brings_all_of_it_back(bpy, scene, tmp_path):
     kept = scene.camera.data.gssmc
     assert (kept.k1, kept.lens_state, kept.photo.name, kept.frame_x) == (0.125, "GUESSED", "a.png", 1920)
     assert len(scene.gssmc.splat.data.points) == 200
+
+
+def test_an_export_overwrites_neither_scan_nor_photo(bpy, scene, splat_file, tmp_path):
+    """A script is asked by nobody whether it means that."""
+    photo = write_photo(tmp_path / "a.png")
+    bpy.ops.gssmc.add_photo(filepath=str(photo), camera="NEW")
+    for path in (splat_file, photo):
+        before = path.read_bytes()
+        for export in (bpy.ops.gssmc.export_cameras, bpy.ops.gssmc.export_splats):
+            with pytest.raises(RuntimeError, match="would overwrite"):
+                export(filepath=str(path))
+        assert path.read_bytes() == before

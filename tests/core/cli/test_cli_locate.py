@@ -248,3 +248,13 @@ def test_only_trusted_results_count_as_known(place, tmp_path, capsys):
     assert code == 0
     assert "of the 2 cameras in" in err
     assert out.startswith("2 views, 2 of them from known cameras")
+
+
+@pytest.mark.parametrize("command", ["locate", "refine"])
+def test_a_result_goes_neither_over_the_scans_map_nor_into_a_folder(place, capsys, command):
+    """Both are told before the work: seconds for one photo, hours for a batch."""
+    before = place.map.read_bytes()
+    for out, said in ((place.map, "would overwrite the scan's map"), (place.folder, "is a folder; give a file")):
+        code, _, err = run(capsys, command, place.scene, place.folder / "photo_0.png", "--out", out)
+        assert (code, said in err) == (2, True), err
+    assert place.map.read_bytes() == before
