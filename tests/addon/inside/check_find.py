@@ -134,6 +134,7 @@ def test_a_solved_camera_is_looked_from_before_the_map(bpy, listed, place, exten
     assert bpy.context.window_manager.gssmc.message == "Found from the cameras of solved photos."
 
 
+@pytest.mark.main_only
 def test_a_guessed_lens_is_found_too(bpy, mapped, place, extension):
     camera = mapped.camera
     lens = camera.data.lens
@@ -162,6 +163,7 @@ def test_what_is_missing_is_one_sentence(bpy, lost):
     assert "Traceback" not in str(refusal.value)
 
 
+@pytest.mark.main_only
 def test_esc_in_the_map_leaves_the_camera_and_keeps_the_views(bpy, lost, extension):
     context, before = Context(bpy), lost.camera.matrix_world.copy()
     lost.gssmc.map_views = 400
@@ -209,6 +211,7 @@ def cache_of(extension, scene):
     return core.MapCache(gaussians, place, core.MapSettings(views=scene.gssmc.map_views))
 
 
+@pytest.mark.main_only
 def test_a_damaged_map_beside_the_scan_is_made_again_and_cleared(bpy, mapped, place, extension):
     bpy.context.preferences.addons[MODULE].preferences.map_place = "SCAN"
     (whole,) = maps(extension)
@@ -237,6 +240,7 @@ def test_all_photos_are_found_and_help_each_other(bpy, mapped, place, extension)
     assert "3 of 3 photos: 3 trusted" in bpy.context.window_manager.gssmc.message
 
 
+@pytest.mark.main_only
 def test_refine_all_finds_what_fails_from_everywhere_else(bpy, mapped, place, extension):
     """All cameras stand where nothing is: no neighbour is solved, so only the map can help."""
     assert bpy.ops.gssmc.refine_all(**rooms.QUICK) == {"FINISHED"}
@@ -246,6 +250,7 @@ def test_refine_all_finds_what_fails_from_everywhere_else(bpy, mapped, place, ex
     assert "3 photos were found by trying again" in bpy.context.window_manager.gssmc.message
 
 
+@pytest.mark.main_only
 def test_the_first_frame_of_a_plate_is_found(bpy, mapped, place, extension):
     room, truths, _ = place
     for number in (1, 2, 3):

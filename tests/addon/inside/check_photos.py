@@ -236,6 +236,7 @@ def error(extension, scene, camera, truth):
     return pose_error(read(scene, camera, scene.gssmc.splat).at_size(rooms.WIDTH, rooms.HEIGHT).pose, truth.pose)
 
 
+@pytest.mark.main_only
 def test_a_failed_photo_is_found_from_a_solved_ones_camera(bpy, listed, place, extension):
     own = listed.gssmc
     turn_away(own.photos[0].camera)
@@ -254,6 +255,7 @@ def test_a_failed_photo_is_found_from_a_solved_ones_camera(bpy, listed, place, e
     assert "1 photo was found" in bpy.context.window_manager.gssmc.message
 
 
+@pytest.mark.main_only
 def test_a_photo_of_another_place_is_tried_a_few_times_and_says_so(bpy, listed, extension):
     own = listed.gssmc
     noise = np.random.default_rng(0).integers(0, 256, (rooms.HEIGHT, rooms.WIDTH, 3), np.uint8)

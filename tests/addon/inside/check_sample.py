@@ -34,6 +34,7 @@ def test_the_camera_comes_home(bpy, sample):
     assert np.degrees(np.arccos(np.clip(view @ truth.pose.R[2], -1, 1))) < 0.1
 
 
+@pytest.mark.main_only
 def test_the_same_seed_gives_the_same_camera(bpy, sample):
     bpy.ops.gssmc.import_splats(filepath=str(sample.scene))
     ends = []
@@ -44,6 +45,7 @@ def test_the_same_seed_gives_the_same_camera(bpy, sample):
     assert ends[0] == ends[1]
 
 
+@pytest.mark.main_only
 def test_a_guessed_focal_length_is_solved_and_written_back(bpy, sample, tmp_path):
     """A start that is 20 % too long; the lens of the file, in a frame of another shape than the photo's."""
     start, truth = json.loads(sample.start.read_text()), read_cameras(sample.truth)[0].intrinsics

@@ -2,7 +2,8 @@
 
 Blender 5.2 LTS, the one in .venv, runs every check that fits it. The others run all but LONGEST, which say the same in every
 Blender, so that the whole run stays under a quarter of an hour on two cores; check_operators sees to it that each Blender still
-calls every operator at least once. A check of what only newer Blenders have stands in SINCE.
+calls every operator at least once. Single tests that are long are marked main_only and run in MAIN alone. A check of what
+only newer Blenders have stands in SINCE.
 """
 
 from pathlib import Path
