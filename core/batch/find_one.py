@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..geometry.camera import Camera
 from ..locate import FindReport, Hypothesis, PhotoLens
-from ..photos.mask import masked
-from ..photos.photo import Photo, check_size, read_photo
+from ..photos.photo import Photo, check_size
 from ..pose.report_json import failed_to_dict, pose_to_dict, report_to_dict
 
 Record = dict[str, Any]
 RETRIED = "The refinement from the given start failed, so the camera was searched for without it."
 
 
-def find_target(photo: Photo | Path, wanted: Camera | Unplaced, mask: Path | None = None) -> PhotoLens:
-    """The photo, read and masked, with its lens; the pose of `wanted` plays no part.
+def find_target(photo: Photo, wanted: Camera | Unplaced) -> PhotoLens:
+    """The photo (see `refine_one.read_masked_photo`) with its lens; the pose of `wanted` plays no part.
 
-    Raises the GssmcError of whatever cannot be used.
+    Raises PhotoError when the lens does not fit the photo.
     """
-    if isinstance(photo, Path):
-        photo = read_photo(photo)
-    if mask is not None:
-        photo = masked(photo, mask)
     lens = None if wanted.intrinsics is None else check_size(photo, wanted.intrinsics)
     return PhotoLens(photo, lens, wanted.focal_guessed)
 

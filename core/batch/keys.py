@@ -36,7 +36,7 @@ def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettin
     """
     options = {name: value for name, value in asdict(settings).items() if name != "threads"}
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
-    common = (KEY_VERSION, scan_digest(scan), options, models, finding)
+    common = (KEY_VERSION, scan_file_digest(scan), options, models, finding)
     return [
         key_of(common, wanted_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
         for q in queries
@@ -57,7 +57,7 @@ def stamp(path: Path) -> Stamp:
     return state.st_size, state.st_mtime_ns
 
 
-def scan_digest(path: Path) -> str:
+def scan_file_digest(path: Path) -> str:
     """Digest of a splat file: its size, the time of its last change, and BLOCKS blocks spread over its content, both ends
     among them. Raises SplatFormatError when it cannot be read.
     """

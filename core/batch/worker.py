@@ -79,7 +79,7 @@ class RecordFinder:
         return _guarded(wanted, lambda: self._found(wanted, photo, mask))
 
     def _found(self, wanted: Unplaced, photo: Path, mask: Path | None) -> Record:
-        target = find_target(photo, wanted, mask)
+        target = find_target(read_masked_photo(photo, mask), wanted)
         return found_to_dict(find_camera(self._renderer, target, self._landmarks, self._settings), wanted)
 
 

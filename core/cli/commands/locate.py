@@ -6,10 +6,11 @@ import argparse
 from pathlib import Path
 
 from ...batch.find_one import find_target, found_to_dict
+from ...batch.refine_one import read_masked_photo
 from ...cameras.files import StartCamera
 from ...cameras.unplaced import Unplaced
 from ...photos.lens_guess import guess_lens
-from ...photos.photo import Photo, read_photo
+from ...photos.photo import Photo
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ..console import message
@@ -45,12 +46,12 @@ def run(args: argparse.Namespace) -> Outcome:
     )
     check_results({"--out": args.out}, args.scene)
     flags = MapFlags(args, settings.threads)
-    photo = read_photo(args.photo)
+    photo = read_masked_photo(args.photo, mask)
     for remark in photo.notes:
         message(remark)
     given = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
     wanted = Unplaced(photo.file, given.intrinsics, given.focal_guessed).with_guess(guess_lens(photo).intrinsics)
-    target = find_target(photo, wanted, mask)
+    target = find_target(photo, wanted)
     _say_lens(given, photo)
     scene = read_splats(args.scene)
     say_dropped(scene)

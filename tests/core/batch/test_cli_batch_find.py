@@ -143,8 +143,6 @@ def test_a_batch_interrupted_before_the_search_searches_the_next_time(place, tmp
 
 def test_a_worker_that_dies_in_the_search_costs_one_photo(place, tmp_path, monkeypatch):
     hurt_readers(tmp_path / "hook", monkeypatch)
-    hook = (tmp_path / "hook" / "sitecustomize.py").read_text()
-    (tmp_path / "hook" / "sitecustomize.py").write_text(hook.replace("core.batch.refine_one", "core.batch.find_one"))
     (place.folder / "killer.png").write_bytes((place.folder / "photo_1.png").read_bytes())
     file = put(place, "killer.json", ["killer.png", "photo_0.png"])
     assert batch(place, file, tmp_path / "r.json", "--workers", "1", *VIEWS) == 3

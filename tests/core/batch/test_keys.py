@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, key_of, query_keys, scan_digest
+from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, key_of, query_keys, scan_file_digest
 from core.errors import SplatFormatError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.pose.settings import RefineSettings
@@ -90,13 +90,13 @@ def test_photos_that_are_missing_have_a_key_and_another_once_they_are_there(file
 
 
 def test_a_small_scan_is_read_whole(tmp_path):
-    digests = {scan_digest(put(tmp_path / "s.ply", b"a" * k + b"b" + b"a" * (9 - k))) for k in range(10)}
+    digests = {scan_file_digest(put(tmp_path / "s.ply", b"a" * k + b"b" + b"a" * (9 - k))) for k in range(10)}
     assert len(digests) == 10
 
 
 def test_a_scan_that_cannot_be_read_is_one_sentence(tmp_path):
     with pytest.raises(SplatFormatError, match=r"cannot be read .*check the path\.$"):
-        scan_digest(Path(tmp_path))
+        scan_file_digest(Path(tmp_path))
 
 
 def test_key_changes_with_everything_it_is_made_of():
