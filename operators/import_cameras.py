@@ -63,7 +63,10 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
             sentences.append(rpt_("1 without a lens was left out."))
         elif job.left_out:
             sentences.append(rpt_("{count} without a lens were left out.", count=job.left_out))
-        return self.done(context, " ".join(sentences))
+        if job.unfit:
+            sentences.append(rpt_("{count} do not fit their photos and were left out:", count=len(job.unfit)))
+            sentences.append(job.unfit[0])
+        return self.done(context, " ".join(sentences), "WARNING" if job.unfit else "INFO")
 
     def stopped(self, context: bpy.types.Context, job: CameraImport) -> set[str]:
         return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")

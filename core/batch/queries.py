@@ -99,8 +99,8 @@ def _with_lenses(
     assumed: list[LensGuess | None] = []
     for record, photo in zip(records, photos, strict=True):
         guess = _guess(photo) if record.intrinsics is None else None
-        lens = guess.intrinsics if guess else LENS_OF_UNREADABLE
-        cameras.append(record.camera(lens) if isinstance(record, StartCamera) else record.with_guess(lens))
+        lens, turn = (guess.intrinsics, guess.orientation) if guess else (LENS_OF_UNREADABLE, 1)
+        cameras.append(record.camera(lens, turn) if isinstance(record, StartCamera) else record.with_guess(lens))
         assumed += [guess] if record.intrinsics is None else []
     if not assumed:
         return cameras, ()

@@ -75,7 +75,7 @@ class RecordFinder:
         so.
         """
         given = wanted_from_dict(camera_dict)
-        wanted = given if isinstance(given, Unplaced) else Unplaced(given.file, given.intrinsics, given.focal_guessed)
+        wanted = given if isinstance(given, Unplaced) else Unplaced.of(given)
         return _guarded(wanted, lambda: self._found(wanted, photo, mask))
 
     def _found(self, wanted: Unplaced, photo: Path, mask: Path | None) -> Record:

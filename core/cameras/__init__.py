@@ -70,7 +70,8 @@ def starts(path: Path) -> list[StartCamera]:
     """
     if _known(path) == "cameras":
         return _placed(path)
-    return [StartCamera(frame.pose, frame.name, frame.intrinsics) for frame in read(path).frames]
+    found = read(path)
+    return [StartCamera(one.pose, one.name, one.intrinsics, pixel_order=found.pixel_order) for one in found.frames]
 
 
 def _placed(path: Path) -> list[StartCamera]:

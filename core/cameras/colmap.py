@@ -1,12 +1,13 @@
 """COLMAP's sparse models: in text form cameras.txt, images.txt, points3D.txt; in binary form `colmap_binary` reads them.
 
-World-to-camera, OpenCV axes, pixel centres at +0.5, the model's own unit.
+World-to-camera, OpenCV axes, pixel centres at +0.5, the model's own unit; of the photos' pixels as they are stored.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..errors import CameraError, DatasetError
@@ -60,7 +61,7 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     """
     file = _images_file(path) if path.is_dir() else path
     frames = _read_binary(file) if file.name == colmap_binary.IMAGES else _read_text(file)
-    return pose_set(path, frames, metric=False)
+    return replace(pose_set(path, frames, metric=False), pixel_order="stored")
 
 
 def _read_text(file: Path) -> list[PosedFrame]:

@@ -1,10 +1,14 @@
-"""nerfstudio's (and instant-ngp's) transforms.json: camera-to-world matrices of OpenGL cameras, in the file's own unit."""
+"""nerfstudio's (and instant-ngp's) transforms.json: camera-to-world matrices of OpenGL cameras, in the file's own unit.
+
+They belong to the photos' pixels as they are stored: neither COLMAP, which places them, nor nerfstudio turns photos by EXIF.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +45,7 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     if not isinstance(records, list):
         raise DatasetError(f"'{file.name}' has no list of cameras under \"frames\"; give at least one camera there.")
     frames = [_frame(record, data, f"Camera {number} of '{file.name}'") for number, record in enumerate(records, 1)]
-    return pose_set(path, frames, metric=False)
+    return replace(pose_set(path, frames, metric=False), pixel_order="stored")
 
 
 def write_transforms(path: Path, cameras: Sequence[Camera]) -> None:

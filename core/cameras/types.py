@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..errors import DatasetError
-from ..geometry.camera import Intrinsics, Pose
+from ..geometry.camera import Intrinsics, PixelOrder, Pose
 
 Split = Literal["test", "train"]
 # An error shows so many characters of a name.
@@ -30,13 +30,15 @@ class PosedFrame:
 class PoseSet:
     """The poses of one file or folder, in its order. `metric`: the layout's unit is the metre.
 
-    `unsolved` counts the photos that the file lists without an answer of their own.
+    `unsolved` counts the photos that the file lists without an answer of their own. `pixel_order`: whether the layout's
+    programs turn photos as EXIF says before they place them (`Camera`).
     """
 
     source: str
     frames: tuple[PosedFrame, ...]
     metric: bool = True
     unsolved: int = 0
+    pixel_order: PixelOrder = "upright"
 
     @property
     def names(self) -> list[str]:

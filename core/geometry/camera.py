@@ -7,6 +7,7 @@ the top-left pixel is (0.5, 0.5). A pose is world-to-camera: x_c = R x_w + t.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import CameraError
 
 FloatArray = NDArray[np.float64]
+
+# Whether a camera belongs to a photo's pixels upright, as EXIF turns them, or as the file stores them.
+PixelOrder = Literal["upright", "stored"]
 
 UNDISTORT_ITERATIONS = 20
 UNDISTORT_EPS = 1e-13
@@ -208,12 +212,15 @@ class Camera:
     """A posed camera and the image file it belongs to (empty when there is none).
 
     `focal_guessed`: the focal length is a guess (from EXIF, or by eye), not a calibration.
+    `pixel_order`: "stored" for a camera of the photo's pixels before its EXIF rotation, as COLMAP makes them; the engine works
+    with upright ones (`photos.fit`).
     """
 
     intrinsics: Intrinsics
     pose: Pose
     file: str = ""
     focal_guessed: bool = False
+    pixel_order: PixelOrder = "upright"
 
 
 def rotation_angle_deg(R: ArrayLike) -> float:

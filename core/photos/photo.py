@@ -38,7 +38,7 @@ class Photo:
     `mask`: (H, W) bool, True where the photo has content (alpha > 0); None when every pixel has.
     `notes`: sentences about what was done to the pixels on reading (16-bit scaled, alpha dropped, rotated).
     `full_size`: (width, height) of a very large photo whose `pixels` were reduced on reading; None when they are all there.
-    `stored_upright`: False where the file's pixels lie turned, as its EXIF data say, so that its own file shows it otherwise.
+    `orientation`: 1..8 as EXIF numbers how the file's pixels lie; other than 1 where its own file shows the photo turned.
     `width` and `height` are the photo's own, which its camera belongs to; `pixels` may be fewer.
     """
 
@@ -48,7 +48,11 @@ class Photo:
     mask: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
     full_size: tuple[int, int] | None = None
-    stored_upright: bool = True
+    orientation: int = 1
+
+    @property
+    def stored_upright(self) -> bool:
+        return self.orientation == 1
 
     @property
     def width(self) -> int:
@@ -89,17 +93,21 @@ def _decoded(path: Path, data: bytes, exif: Exif) -> Photo:
         notes.append(f"The photo has {full[0]} x {full[1]} pixels; every {factor} x {factor} of them are used as one.")
     pixels, mask = _split_alpha(raw, notes)
     photo = Photo(np.ascontiguousarray(pixels), str(path), None, mask, tuple(notes), full if factor > 1 else None)
-    return _with_focal(replace(photo, stored_upright=exif.orientation == 1), exif)
+    return _with_focal(replace(photo, orientation=exif.orientation), exif)
 
 
 @dataclass(frozen=True)
 class PhotoFacts:
-    """What a photo's header says: size upright and `focal_35mm` as in Photo, and whether its pixels are stored upright."""
+    """What a photo's header says: size upright, `focal_35mm` and `orientation` as in Photo."""
 
     width: int
     height: int
     focal_35mm: float | None
-    stored_upright: bool
+    orientation: int = 1
+
+    @property
+    def stored_upright(self) -> bool:
+        return self.orientation == 1
 
 
 def photo_facts(path: str | Path) -> PhotoFacts:
@@ -109,9 +117,9 @@ def photo_facts(path: str | Path) -> PhotoFacts:
     size, exif = picture_size(data), read_exif(data)
     if size is None:
         photo = _decoded(path, data, exif)
-        return PhotoFacts(photo.width, photo.height, photo.focal_35mm, photo.stored_upright)
+        return PhotoFacts(photo.width, photo.height, photo.focal_35mm, photo.orientation)
     width, height = size[::-1] if exif.orientation >= 5 else size
-    return PhotoFacts(width, height, _focal_35mm(exif, width, height), exif.orientation == 1)
+    return PhotoFacts(width, height, _focal_35mm(exif, width, height), exif.orientation)
 
 
 def _focal_35mm(exif: Exif, width: int, height: int) -> float | None:
@@ -138,9 +146,7 @@ def check_size(photo: Photo, intrinsics: Intrinsics) -> Intrinsics:
     pw, ph, cw, ch = photo.width, photo.height, intrinsics.width, intrinsics.height
     if (pw, ph) == (cw, ch):
         return intrinsics
-    # One pixel of the larger image's grid.
-    slack = max(1.0, pw / cw, ph / ch)
-    if max((pw - slack) / cw, (ph - slack) / ch) <= min((pw + slack) / cw, (ph + slack) / ch):
+    if same_shape((pw, ph), (cw, ch)):
         return intrinsics.resized(pw, ph)
     turned = " turned by 90 degrees" if (pw - ph) * (cw - ch) < 0 else ""
     name = Path(photo.file).name or "the photo"
@@ -148,6 +154,13 @@ def check_size(photo: Photo, intrinsics: Intrinsics) -> Intrinsics:
         f"'{name}' has {pw} x {ph} pixels but its camera {cw} x {ch}, which is another shape{turned}; "
         "use the photo that the camera describes, uncropped."
     )
+
+
+def same_shape(photo: tuple[int, int], camera: tuple[int, int]) -> bool:
+    """Whether two sizes are of one picture at two scales, up to a pixel of the larger one's grid that rounding may take."""
+    (pw, ph), (cw, ch) = photo, camera
+    slack = max(1.0, pw / cw, ph / ch)
+    return max((pw - slack) / cw, (ph - slack) / ch) <= min((pw + slack) / cw, (ph + slack) / ch)
 
 
 def _read_bytes(path: Path) -> bytes:

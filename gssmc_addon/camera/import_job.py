@@ -18,11 +18,12 @@ import numpy as np
 from ...core import cameras as datasets
 from ...core.cameras.files import StartCamera
 from ...core.cameras.training_world import read_training_world
-from ...core.errors import CameraError, GssmcError
+from ...core.errors import CameraError, GssmcError, PhotoError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera
+from ...core.photos.fit import fit_camera
 from ...core.photos.lens_guess import guess_lens
-from ...core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
+from ...core.photos.photo import Photo, PhotoFacts, photo_facts, read_photo
 from ..jobs.machine import Job
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
@@ -46,7 +47,14 @@ class Incoming:
     turned: bool = False
 
 
-Found = list[Incoming | None]  # None where neither the camera nor its photo gives a lens.
+@dataclass(frozen=True)
+class LeftOut:
+    """A camera that cannot be made: `why` in a sentence, "" where neither the file nor the photo gives a lens."""
+
+    why: str = ""
+
+
+Found = list[Incoming | LeftOut]
 
 
 def read_incoming(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
@@ -72,17 +80,20 @@ def model_of(path: Path) -> Path:
     return path.parent if path.stem in COLMAP_OTHERS and path.suffix in (".txt", ".bin") else path
 
 
-def _incoming(start: StartCamera, places: Sequence[Path]) -> Incoming | None:
+def _incoming(start: StartCamera, places: Sequence[Path]) -> Incoming | LeftOut:
     name = start.file.replace("\\", "/")
     tries = [place / n for place in places for n in (name, Path(name).name)] if name else []
     file = next((f for f in tries if f.is_file()), None)
     facts = _facts(file) if file else None
     if file is None or facts is None:
-        return Incoming(start.camera(start.intrinsics), None) if start.intrinsics else None
+        return Incoming(start.camera(start.intrinsics), None) if start.intrinsics else LeftOut()
     # Only size and focal length are read here, because decoding hundreds of photos would take minutes.
-    photo = Photo(np.zeros((1, 1, 3), np.uint8), str(file), facts.focal_35mm, full_size=(facts.width, facts.height))
-    camera = start.camera(guess_lens(photo).intrinsics)
-    camera = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
+    size = facts.width, facts.height
+    photo = Photo(np.zeros((1, 1, 3), np.uint8), str(file), facts.focal_35mm, full_size=size, orientation=facts.orientation)
+    try:
+        camera = fit_camera(photo, start.camera(guess_lens(photo).intrinsics, facts.orientation))
+    except PhotoError as error:
+        return LeftOut(str(error))
     return Incoming(camera, file, not facts.stored_upright)
 
 
@@ -95,7 +106,8 @@ def _facts(file: Path) -> PhotoFacts | None:
 
 
 class CameraImport(Job):
-    """The import of `path`. Its result is the job itself: `made` cameras, `shown` with their photo, `left_out` for no lens.
+    """The import of `path`. Its result is the job itself: `made` cameras, `shown` with their photo, `left_out` for no lens, and
+    why others do not fit their photos (`unfit`).
 
     The cameras come into the scene at the end, all together, in a collection named after the file.
     """
@@ -109,6 +121,7 @@ class CameraImport(Job):
         super().__init__(partial(read_incoming, path, photos, world))
         self.step = n_("Reading cameras and photos")
         self.made = self.shown = self.left_out = 0
+        self.unfit: list[str] = []
         self._path, self._set_resolution = path, set_resolution
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._left: list[Incoming] | None = None  # The cameras that are still to be made, in reverse order.
@@ -166,13 +179,16 @@ class CameraImport(Job):
         bpy.data.batch_remove([image for image in images if image and image.users == 0])
 
     def _begin(self, found: Found) -> None:
-        usable = [item for item in found if item is not None]
+        usable = [item for item in found if isinstance(item, Incoming)]
+        self.unfit = [item.why for item in found if isinstance(item, LeftOut) and item.why]
+        if not usable and self.unfit:
+            raise CameraError(self.unfit[0])
         if not usable:
             name = model_of(self._path).name
             raise CameraError(
                 rpt_("No camera in '{file}' has a lens, nor a photo to take one from; give the photos' folder.", file=name)
             )
-        self.left_out = len(found) - len(usable)
+        self.left_out = len(found) - len(usable) - len(self.unfit)
         self.step = iface_("Making cameras")
         scene, lens = by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
         self._size = scene.render.resolution_x, scene.render.resolution_y

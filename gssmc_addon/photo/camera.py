@@ -12,8 +12,9 @@ from ...core.cameras.names import record_of_photo
 from ...core.errors import CameraError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera, Intrinsics
+from ...core.photos.fit import fit_camera as fit_to_photo
 from ...core.photos.lens_guess import guess_lens
-from ...core.photos.photo import Photo, check_size
+from ...core.photos.photo import Photo
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame
@@ -48,8 +49,7 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
         raise CameraError(rpt_("The camera file's pose needs a splat to stand in; import the splat first."))
     camera_bridge.splat_similarity(scene.gssmc.splat)
     start = record_of_photo(read_starts(Path(bpy.path.abspath(path))), photo.file, Path(path).name)
-    camera = start.camera(guess_lens(photo).intrinsics)
-    return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
+    return fit_to_photo(photo, start.camera(guess_lens(photo).intrinsics, photo.orientation))
 
 
 CAMERA_ITEMS = (

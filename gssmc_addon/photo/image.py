@@ -149,6 +149,14 @@ def photo_file(image: bpy.types.Image) -> str:
     return bpy.path.abspath(image.filepath_raw or image.get(FILE_KEY, ""), library=image.library)
 
 
+def orientation_in_file(image: bpy.types.Image) -> int:
+    """The EXIF orientation (1..8) with which the file stores its pixels; 1 where there is no file that tells one."""
+    try:
+        return photo_facts(photo_file(image)).orientation
+    except PhotoError:
+        return 1
+
+
 def own_size(data: bpy.types.Camera) -> tuple[int, int]:
     """(width, height) of the camera's photo upright, in its own file, of which Blender may hold a smaller copy.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from ...batch.find_one import find_target, found_to_dict
@@ -50,7 +51,8 @@ def run(args: argparse.Namespace) -> Outcome:
     for remark in photo.notes:
         message(remark)
     given = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
-    wanted = Unplaced(photo.file, given.intrinsics, given.focal_guessed).with_guess(guess_lens(photo).intrinsics)
+    known = given if isinstance(given, Unplaced) else Unplaced.of(given)
+    wanted = replace(known, file=photo.file).with_guess(guess_lens(photo).intrinsics)
     target = find_target(photo, wanted)
     _say_lens(given, photo)
     scene = read_splats(args.scene)

@@ -137,7 +137,7 @@ def wanted_camera(wanted: StartCamera | Unplaced, photo: Photo) -> Camera | Unpl
         )
     if isinstance(wanted, Unplaced):
         return replace(wanted.with_guess(guess.intrinsics), file=photo.file)
-    return replace(wanted.camera(guess.intrinsics), file=photo.file)
+    return replace(wanted.camera(guess.intrinsics, photo.orientation), file=photo.file)
 
 
 def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:
