@@ -1,4 +1,5 @@
-"""The few EXIF tags that place a photo: orientation, focal length and camera model, from JPEG, PNG, WebP and TIFF bytes."""
+"""The few EXIF tags that place a photo: orientation, focal length and camera model, from the bytes of JPEG, PNG, WebP,
+TIFF, AVIF and HEIC files."""
 
 from __future__ import annotations
 
@@ -7,10 +8,10 @@ import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from . import jpeg
+from . import heif, jpeg
+from .tiff import BYTE_ORDERS, FIRST_DIRECTORY
 
 ORIENTATION, EXIF_IFD, MODEL = 0x0112, 0x8769, 0x0110
-TIFF_WIDTH, TIFF_HEIGHT = 0x0100, 0x0101
 ASCII, MODEL_CHARACTERS = 2, 64
 FOCAL_LENGTH, FOCAL_35MM = 0x920A, 0xA405
 PIXELS_X, PIXELS_Y = 0xA002, 0xA003
@@ -18,9 +19,6 @@ PLANE_X_RESOLUTION, PLANE_UNIT = 0xA20E, 0xA210
 PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 MAX_ENTRIES, ENTRY_BYTES = 512, 12
-BYTE_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
-# The bytes that hold the offset of the first directory.
-FIRST_DIRECTORY = slice(4, 8)
 READERS = {1: ("B", 1), 3: ("H", 2), 4: ("I", 4), 5: ("II", 8), 9: ("i", 4), 10: ("ii", 8)}  # EXIF type: struct code, size
 
 
@@ -59,14 +57,6 @@ def _read_main(block: bytes) -> tuple[dict[int, float], str]:
     return tags, next((_text(entry) for entry in main if (entry.tag, entry.kind) == (MODEL, ASCII)), "")
 
 
-def tiff_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) of a TIFF file's first picture, as stored; None when its first directory does not say."""
-    tags, _ = _read_main(data)
-    if TIFF_WIDTH not in tags or TIFF_HEIGHT not in tags:
-        return None
-    return int(tags[TIFF_WIDTH]), int(tags[TIFF_HEIGHT])
-
-
 def find_exif(data: bytes) -> bytes:
     """The EXIF block, which is a small TIFF file; empty when there is none."""
     if data[:4] in BYTE_ORDERS:
@@ -77,6 +67,8 @@ def find_exif(data: bytes) -> bytes:
         chunks = _png_chunks(data)
     elif data[:4] == b"RIFF" and data[8:12] == b"WEBP":
         chunks = _webp_chunks(data)
+    elif heif.is_avif(data) or heif.is_heic(data):
+        return heif.read_facts(data).exif
     else:
         return b""
     return next((block.removeprefix(b"Exif\0\0") for block in chunks), b"")
