@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PhotoError
-from . import heif, jpeg
-from .encoded import EncodedPicture
+from . import jpeg
+from .containers import heif
+from .containers.encoded import EncodedPicture
 from .size import EXR_SIGNATURE, check_pixels, reduction
 
 HEIF_PACKAGE = "pi_heif"  # a wheel of its own, which the extension does not bring
@@ -33,10 +34,10 @@ OTHERS = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DecodedPicture:
-    """`raw` (H, W) or (H, W, C), upright, channels in OpenCV's order, bits as in the file; `factor`: factor x factor pixels were
-    made one; `full_size` (width, height) upright before that.
+    """`raw` (H, W) or (H, W, C), upright, channels in OpenCV's order, bits as in the file; `factor`: factor x factor pixels
+    were made one; `full_size` (width, height) upright before that.
     """
 
     raw: NDArray[Any]
@@ -45,7 +46,7 @@ class DecodedPicture:
 
 
 def decode(picture: EncodedPicture, name: str) -> DecodedPicture:
-    """The pixels of a picture of the file `name`. Raises PhotoError when it cannot be decoded, or is too large to be a photo."""
+    """The pixels of a picture of the file `name`. Raises PhotoError when it cannot be decoded, or is too large for a photo."""
     check_pixels(picture.size, name)
     if heif.is_heic(picture.parts[0]):
         raw, picture = _heic(picture.parts[0], name), replace(picture, turned_by_decoder=True)

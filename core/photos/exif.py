@@ -1,5 +1,6 @@
-"""The few EXIF tags that place a photo: orientation, focal length and camera model, from the bytes of JPEG, PNG, WebP,
-TIFF, AVIF and HEIC files."""
+"""The few EXIF tags that place a photo: orientation, focal length and camera model, from the bytes of JPEG, PNG, WebP, TIFF,
+AVIF and HEIC files.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +9,9 @@ import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from . import heif, jpeg
-from .tiff import BYTE_ORDERS, FIRST_DIRECTORY
+from . import jpeg
+from .containers import heif
+from .containers.tiff import BYTE_ORDERS, FIRST_DIRECTORY
 
 ORIENTATION, EXIF_IFD, MODEL = 0x0112, 0x8769, 0x0110
 ASCII, MODEL_CHARACTERS = 2, 64

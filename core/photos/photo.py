@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import PhotoError
 from ..geometry.camera import Intrinsics
 from . import jpeg
-from .containers import find_picture
+from .containers.find import find_picture
 from .decode import decode
 from .exif import Exif, read_exif
 from .sensors import focal_35mm_of

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ..errors import PhotoError
-from . import heif, jpeg, tiff
+from . import jpeg
+from .containers import heif, tiff
 
 EXR_SIGNATURE = b"\x76\x2f\x31\x01"
 # A larger photo is reduced, because the method works at a long side of some hundred pixels.

@@ -72,7 +72,7 @@ def test_a_jpeg_inside_a_raw_file_is_the_photo_where_it_has_its_size(read):
 
     photo = read(raw((50, 66)), "a.nef")
     assert np.abs(photo.pixels.astype(int) - picture(48, 64)).mean() < 3  # a JPEG with halved colours
-    with pytest.raises(PhotoError, match="raw photo of 640 x 480 pixels that holds only a small preview.*JPEG or TIFF"):
+    with pytest.raises(PhotoError, match=r"raw photo of 640 x 480 pixels that holds only a small preview.*JPEG or TIFF"):
         read(raw((480, 640)), "a.nef")
 
 

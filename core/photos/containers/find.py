@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from ..exif import Exif
+from ..size import picture_size
 from . import heif, tiff
 from .encoded import EncodedPicture
-from .exif import Exif
-from .size import picture_size
 
 
 def find_picture(data: bytes, exif: Exif, name: str) -> EncodedPicture:
