@@ -66,7 +66,8 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
         if job.unfit:
             sentences.append(rpt_("{count} do not fit their photos and were left out:", count=len(job.unfit)))
             sentences.append(job.unfit[0])
-        return self.done(context, " ".join(sentences), "WARNING" if job.unfit else "INFO")
+        sentences += job.notes
+        return self.done(context, " ".join(sentences), "WARNING" if job.unfit or job.notes else "INFO")
 
     def stopped(self, context: bpy.types.Context, job: CameraImport) -> set[str]:
         return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")

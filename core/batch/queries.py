@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..cameras import match_names, queries, read
+from ..cameras import camera_file, has_queries, match_names, queries, read
 from ..cameras.files import StartCamera
 from ..cameras.pose_list import checked
-from ..cameras.unplaced import Unplaced, read_wanted
+from ..cameras.unplaced import Unplaced
 from ..errors import CameraError, DatasetError, PhotoError, UsageError
 from ..geometry.camera import Camera, Intrinsics
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
+from ..photos.places import PhotoFinder
 
 # The lens of a photo that cannot be read; the photo is refused when its turn comes.
 LENS_OF_UNREADABLE = Intrinsics(1920, 1080, 1920, 1920, 960, 540)
@@ -35,7 +36,7 @@ def find_queries(args: argparse.Namespace) -> BatchPhotos:
 
     Raises UsageError, DatasetError or CameraError.
     """
-    if args.queries.is_dir():
+    if args.queries.is_dir() and has_queries(args.queries):
         found = _from_dataset(args.queries, args.start, args.focal, args.locate)
     else:
         found = _from_cameras(args.queries, args.start, args.focal)
@@ -78,17 +79,20 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate:
 
 
 def _from_cameras(file: Path, start: Path | None, focal: float | None) -> BatchPhotos:
-    """Records of a JSON file, each with its photo relative to that file."""
-    records = read_wanted(file)
+    """Records of a camera file or folder, each with its photo beside that file or in a folder named images near it."""
+    read_file = camera_file(file)
+    records = read_file.records
     for flag, value in (("--start", start), ("--focal", focal)):
         if value is not None:
             raise UsageError(f"{flag} goes with a data set's folder; '{file.name}' brings its own cameras.")
     for number, record in enumerate(records, 1):
         if not record.file:
             raise UsageError(f"Camera {number} of '{file.name}' names no photo; give it a \"file\".")
-    photos = [file.resolve().parent / record.file for record in records]
+    finder, folder = PhotoFinder(file.resolve()), file.resolve() if file.is_dir() else file.resolve().parent
+    # A photo that is nowhere is refused when its turn comes.
+    photos = [finder.find(record.file) or folder / record.file for record in records]
     cameras, notes = _with_lenses(records, photos)
-    return BatchPhotos(cameras, photos, notes)
+    return BatchPhotos(cameras, photos, (*read_file.notes, *notes))
 
 
 def _with_lenses(
@@ -101,7 +105,7 @@ def _with_lenses(
         guess = _guess(photo) if record.intrinsics is None else None
         lens, turn = (guess.intrinsics, guess.orientation) if guess else (LENS_OF_UNREADABLE, 1)
         cameras.append(record.camera(lens, turn) if isinstance(record, StartCamera) else record.with_guess(lens))
-        assumed += [guess] if record.intrinsics is None else []
+        assumed += [guess] if record.tells_no_lens else []
     if not assumed:
         return cameras, ()
     by_exif = sum(guess is not None and guess.focal_35mm is not None for guess in assumed)

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import DatasetError
+from ..errors import CameraError, DatasetError
 from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
 from .files import StartCamera
 from .names import match_names
 from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
-from .unplaced import read_wanted
-
-log = logging.getLogger(__name__)
+from .unplaced import Unplaced, read_wanted
 
 __all__ = [
     "LAYOUTS",
+    "CameraFile",
     "Layout",
     "PoseSet",
     "PosedFrame",
     "QueryPhoto",
     "Split",
+    "camera_file",
     "detect",
+    "has_queries",
     "match_names",
     "queries",
     "read",
@@ -43,6 +43,19 @@ class Layout:
     queries: Callable[[Path, float | None], list[QueryPhoto]] | None = None
 
 
+@dataclass(frozen=True)
+class CameraFile:
+    """The records of a file, in its order, and sentences on what of it is left out."""
+
+    records: tuple[StartCamera | Unplaced, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def placed(self) -> tuple[StartCamera, ...]:
+        """Those that have a pose."""
+        return tuple(one for one in self.records if isinstance(one, StartCamera))
+
+
 LAYOUTS: dict[str, Layout] = {
     "7scenes": Layout(seven_scenes.detect, seven_scenes.read, seven_scenes.queries),
     "cambridge": Layout(cambridge.detect, cambridge.read, cambridge.queries),
@@ -59,29 +72,49 @@ def detect(path: Path) -> str | None:
 
 
 def read(path: Path, split: Split = "test") -> PoseSet:
-    """The poses at `path`. `split` matters to layouts that have one. Raises DatasetError or CameraError."""
-    return LAYOUTS[_known(path)].read(path, split)
+    """The poses at `path`. `split` matters to layouts that have one. Raises DatasetError or CameraError, also where only one of
+    the records cannot be used.
+    """
+    found = LAYOUTS[_known(path)].read(path, split)
+    if found.bad:
+        raise DatasetError(found.bad[0])
+    return found
 
 
-def starts(path: Path) -> list[StartCamera]:
-    """The cameras at `path`, in any layout, as starts of refinements; photos without a pose are left out, which is logged.
+def camera_file(path: Path) -> CameraFile:
+    """The cameras at `path`, in any layout, with or without poses; a record that cannot be used is left out, with a note.
 
     Raises DatasetError or CameraError.
     """
+    if not path.exists():
+        raise CameraError(f"There is no camera file at '{path}'; check the path.")
     if _known(path) == "cameras":
-        return _placed(path)
-    found = read(path)
-    return [StartCamera(one.pose, one.name, one.intrinsics, pixel_order=found.pixel_order) for one in found.frames]
+        return CameraFile(tuple(read_wanted(path)))
+    found = LAYOUTS[_known(path)].read(path, "test")
+    records = [
+        StartCamera(one.pose, one.name, one.intrinsics, pixel_order=found.pixel_order, lens_of_size=one.lens_of_size)
+        for one in found.frames
+        if one.is_picture
+    ]
+    if not records:
+        raise DatasetError(" ".join(found.notes))
+    return CameraFile(tuple(records), found.notes)
 
 
-def _placed(path: Path) -> list[StartCamera]:
-    wanted = read_wanted(path)
-    found = [one for one in wanted if isinstance(one, StartCamera)]
-    if not found:
+def starts(path: Path) -> CameraFile:
+    """As `camera_file`, without the photos that have no pose."""
+    found = camera_file(path)
+    if not found.placed:
         raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
-    if len(found) < len(wanted):
-        log.warning("%d of %d cameras in '%s' have no pose and are left out", len(wanted) - len(found), len(wanted), path.name)
-    return found
+    rest, all_of_them = len(found.records) - len(found.placed), len(found.records)
+    note = (f"{rest} of {all_of_them} cameras in '{path.name}' have no pose and are left out.",) if rest else ()
+    return CameraFile(found.placed, (*found.notes, *note))
+
+
+def has_queries(path: Path) -> bool:
+    """Whether `queries` gives the test photos of a folder; one of no layout counts, so that its error is told."""
+    layout = detect(path)
+    return layout is None or LAYOUTS[layout].queries is not None
 
 
 def queries(path: Path, focal: float | None = None) -> list[QueryPhoto]:

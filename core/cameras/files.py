@@ -19,8 +19,9 @@ import numpy as np
 
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
-from ..geometry.turned_photo import upright_pose
+from ..geometry.turned_photo import is_quarter_turn, upright_pose
 from ..support.atomic import atomic_write
+from .types import LensOfSize
 
 T = TypeVar("T")
 # Values of a result's "lens" that mean that the lens was solved for. Such a lens is no calibration.
@@ -31,9 +32,8 @@ ORDER = "orientation"
 
 @dataclass(frozen=True)
 class StartCamera:
-    """A rough camera as its file gives it: `intrinsics` is None where the file tells a pose and no lens.
-
-    `pixel_order` as in Camera.
+    """A rough camera as its file gives it: `intrinsics` is None where the file tells a pose and no lens; `lens_of_size` is the
+    lens that it tells for want of the photo's size. `pixel_order` as in Camera.
     """
 
     pose: Pose
@@ -41,11 +41,20 @@ class StartCamera:
     intrinsics: Intrinsics | None = None
     focal_guessed: bool = False
     pixel_order: PixelOrder = "upright"
+    lens_of_size: LensOfSize | None = None
+
+    @property
+    def tells_no_lens(self) -> bool:
+        return self.intrinsics is None and self.lens_of_size is None
 
     def camera(self, guess: Intrinsics, orientation: int = 1) -> Camera:
         """The camera; `guess` takes the place of a lens that the file does not tell. It belongs to the upright photo; the
-        photo's EXIF `orientation` then turns a pose of the stored pixels.
+        photo's EXIF `orientation` then turns a pose of the stored pixels. Raises CameraError where the lens is none.
         """
+        if self.intrinsics is None and self.lens_of_size is not None:
+            turned = self.pixel_order == "stored" and is_quarter_turn(orientation)
+            size = (guess.height, guess.width) if turned else (guess.width, guess.height)
+            return Camera(self.lens_of_size(*size), self.pose, self.file, self.focal_guessed, self.pixel_order)
         if self.intrinsics is None:
             pose = upright_pose(self.pose, orientation) if self.pixel_order == "stored" else self.pose
             return Camera(guess, pose, self.file, focal_guessed=True)

@@ -24,6 +24,10 @@ class Unplaced:
     focal_guessed: bool = False
     pixel_order: PixelOrder = "upright"
 
+    @property
+    def tells_no_lens(self) -> bool:
+        return self.intrinsics is None
+
     def with_guess(self, guess: Intrinsics) -> Unplaced:
         """The same; `guess` takes the place of a lens that is not known."""
         if self.intrinsics is not None:

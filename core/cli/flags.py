@@ -15,6 +15,7 @@ from ..support.options import options_of
 SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz or .splat"
 
 
+CAMERAS_HELP = "cameras: our JSON, COLMAP, nerfstudio and every other layout of docs/formats.md"
 MASK_HELP = "what to leave out of matching: a picture, or a folder of them named as the photos; white: use, black: leave out"
 
 

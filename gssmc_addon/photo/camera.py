@@ -7,7 +7,7 @@ from pathlib import Path
 
 import bpy
 
-from ...core.cameras.files import read_starts
+from ...core.cameras import starts
 from ...core.cameras.names import record_of_photo
 from ...core.errors import CameraError
 from ...core.geometry import conventions
@@ -48,7 +48,7 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
     if not scene.gssmc.splat:
         raise CameraError(rpt_("The camera file's pose needs a splat to stand in; import the splat first."))
     camera_bridge.splat_similarity(scene.gssmc.splat)
-    start = record_of_photo(read_starts(Path(bpy.path.abspath(path))), photo.file, Path(path).name)
+    start = record_of_photo(starts(Path(bpy.path.abspath(path))).placed, photo.file, Path(path).name)
     return fit_to_photo(photo, start.camera(guess_lens(photo).intrinsics, photo.orientation))
 
 

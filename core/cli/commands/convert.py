@@ -15,7 +15,8 @@ from ...errors import DatasetError
 from ...geometry.camera import Camera
 from ...geometry.conventions import Similarity
 from ...support.atomic import atomic_write
-from ..console import say
+from ..console import message, say
+from ..flags import CAMERAS_HELP
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 
@@ -24,7 +25,7 @@ SUFFIXES = {".json": "json", ".txt": "poses", "": "colmap"}
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("convert", help="write cameras in another layout, or in the world of a nerfstudio splat")
-    parser.add_argument("cameras", type=Path, help="camera JSON, COLMAP, pose list, 7-Scenes, Cambridge, nerfstudio")
+    parser.add_argument("cameras", type=Path, help=CAMERAS_HELP)
     parser.add_argument("out", type=Path, help="file or, for COLMAP, folder to write")
     parser.add_argument("--to", choices=list(WRITERS), help="layout of OUT (by its ending: .json, .txt = poses, none = colmap)")
     world = parser.add_mutually_exclusive_group()
@@ -39,12 +40,21 @@ def run(args: argparse.Namespace) -> Outcome:
         raise DatasetError(f"The ending of '{args.out.name}' tells no layout; say --to {', --to '.join(WRITERS)}.")
     _check_paths(args, layout)
     world = _world(args.into_training_world, args.out_of_training_world)
-    found = starts(args.cameras)
+    read = starts(args.cameras)
+    found = list(read.placed)
+    for note in (*read.notes, *_unfinished(found)):
+        message(note)
     if world is not None:
         found = [replace(start, pose=world.pose_to_scene(start.pose)) for start in found]
     WRITERS[layout](args.out, found)
     say(f"{len(found)} cameras were written to '{args.out}'.")
     return Outcome(OK)
+
+
+def _unfinished(found: Sequence[StartCamera]) -> list[str]:
+    """What is told of lenses that cannot be written, because they need their photos' sizes."""
+    count = sum(start.lens_of_size is not None for start in found)
+    return [f"{count} cameras have a lens without the size of the photo, which is not written; give w and h."] if count else []
 
 
 def _check_paths(args: argparse.Namespace, layout: str) -> None:

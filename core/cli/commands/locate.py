@@ -16,7 +16,7 @@ from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ..console import message
 from ..dropped import say_dropped
-from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
@@ -28,7 +28,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser("locate", help="find the exact camera of one photo without a start")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
-    parser.add_argument("--camera", type=Path, metavar="LENS.json", help="the lens, where known (EXIF's, or a guess)")
+    lens = f"the lens, where known (EXIF's, or a guess); {CAMERAS_HELP}"
+    parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=lens)
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
     add_map_flags(parser)

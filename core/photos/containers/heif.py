@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 AVIF_BRANDS, HEIC_BRANDS = (b"avif", b"avis"), (b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1")
 MAX_ITEMS = 1 << 12
-# EXIF orientation by quarter turns counter-clockwise and then, where there is one, a flip: top to bottom (0), left to right (1).
+# EXIF orientation by quarter turns counter-clockwise and then, if there is one, a flip: top to bottom (0), left to right (1).
 ORIENTATIONS = {
     (0, None): 1,
     (1, None): 8,

@@ -147,7 +147,7 @@ def _pointed_at(data: bytes, directory: int) -> bytes:
 
 
 def _planes(data: bytes, directory: _Directory) -> tuple[bytes, ...]:
-    """Each plane as a file: the whole file, and behind it a directory of a grey picture. None where their places are missing."""
+    """Each plane as a file: the whole file, and behind it a directory of a grey picture; none where places are missing."""
     samples = directory.one(SAMPLES)
     bits = set(directory.values.get(BITS, (1,)))
     places, sizes = (TILE_OFFSETS, TILE_BYTES) if TILE_OFFSETS in directory.values else (STRIP_OFFSETS, STRIP_BYTES)

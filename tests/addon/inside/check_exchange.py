@@ -44,7 +44,7 @@ def read_to_end(extension, path, photos):
         try:
             next(steps)
         except StopIteration as end:
-            return end.value
+            return end.value.cameras
 
 
 @pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])

@@ -86,12 +86,12 @@ def test_the_sources_convention_goes_with_their_cameras(tmp_path):
     model.mkdir()
     (model / "cameras.txt").write_text("1 OPENCV 64 48 50 52 30 25.5 0.05 -0.02 0.003 -0.004\n")
     (model / "images.txt").write_text("1 1 0 0 0 0 0 3 1 a.jpg\n\n")
-    (start,) = starts(model)
+    (start,) = starts(model).placed
     assert start.pixel_order == "stored"
     nerf = {"w": 64, "h": 48, "fl_x": 50, "cx": 30, "cy": 25, "frames": [{"file_path": "a.jpg", "transform_matrix": [
         [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]}]}  # fmt: skip
     (tmp_path / "transforms.json").write_text(json.dumps(nerf))
-    assert starts(tmp_path / "transforms.json")[0].pixel_order == "stored"
+    assert starts(tmp_path / "transforms.json").placed[0].pixel_order == "stored"
     assert fit_camera(photo(3), start.camera(LENS)).intrinsics.cx == pytest.approx(64 - 30)
     without_lens = replace(start, intrinsics=None).camera(fit_lens(photo(6), LENS), 6)
     assert pose_error(fit_camera(photo(6), without_lens).pose, fit_camera(photo(6), start.camera(LENS)).pose)[1] < 1e-9
