@@ -20,20 +20,24 @@ PIXELS_X, PIXELS_Y = 0xA002, 0xA003
 PLANE_X_RESOLUTION, PLANE_UNIT = 0xA20E, 0xA210
 PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
+NARROWEST_MM, WIDEST_MM = 4.0, 60.0  # the longer side of a sensor, from small phones to medium format
+FEWEST_PIXELS = 2_000_000  # a picture of fewer was resized: sensors have had more since about 2000
 MAX_ENTRIES, ENTRY_BYTES = 512, 12
 READERS = {1: ("B", 1), 3: ("H", 2), 4: ("I", 4), 5: ("II", 8), 9: ("i", 4), 10: ("ii", 8)}  # EXIF type: struct code, size
 
 
 @dataclass(frozen=True)
 class Exif:
-    """`orientation` 1..8 as EXIF numbers it; `focal_35mm` the 35 mm equivalent focal length in mm, None when unknown;
-    `focal_mm` the real one, None when unknown; `model` the camera's name as it writes it, empty when unknown.
+    """`orientation` 1..8 as EXIF numbers it; `focal_35mm` the 35 mm equivalent focal length in mm that is stated, None when
+    unknown; `focal_mm` the real one, None when unknown; `model` the camera's name as it writes it, empty when unknown;
+    `sensor_35mm` the equivalent that follows from the real one and the sensor that the block tells, None where it tells none.
     """
 
     orientation: int = 1
     focal_35mm: float | None = None
     focal_mm: float | None = None
     model: str = ""
+    sensor_35mm: float | None = None
 
 
 def read_exif(data: bytes) -> Exif:
@@ -44,7 +48,9 @@ def read_exif(data: bytes) -> Exif:
     tags, model = _read_main(block)
     orientation = int(tags.get(ORIENTATION, 1))
     focal = tags.get(FOCAL_LENGTH, 0.0)
-    return Exif(orientation if 1 <= orientation <= 8 else 1, _focal_35mm(tags), focal if focal > 0 else None, model)
+    stated = float(tags.get(FOCAL_35MM, 0)) or None
+    turn = orientation if 1 <= orientation <= 8 else 1
+    return Exif(turn, stated, focal if focal > 0 else None, model, _sensor_35mm(tags))
 
 
 def _read_main(block: bytes) -> tuple[dict[int, float], str]:
@@ -140,13 +146,15 @@ def _text(entry: _Entry) -> str:
     return entry.raw.split(b"\0")[0].decode("latin-1").strip()
 
 
-def _focal_35mm(tags: dict[int, float]) -> float | None:
-    """The equivalent as the camera states it, else from the real focal length and the sensor's pixel pitch."""
-    if tags.get(FOCAL_35MM, 0) > 0:
-        return float(tags[FOCAL_35MM])
+def _sensor_35mm(tags: dict[int, float]) -> float | None:
+    """The equivalent by the real focal length and the sensor's pixel pitch; None where that makes no sensor of a camera, as in
+    photos that were resized without their resolution.
+    """
     needed = (FOCAL_LENGTH, PLANE_X_RESOLUTION, PIXELS_X, PIXELS_Y)
     if any(tags.get(tag, 0) <= 0 for tag in needed):
         return None
     pitch = PLANE_UNIT_MM.get(int(tags.get(PLANE_UNIT, 2)), 25.4) / tags[PLANE_X_RESOLUTION]
-    diagonal = pitch * math.hypot(tags[PIXELS_X], tags[PIXELS_Y])
-    return tags[FOCAL_LENGTH] * FULL_FRAME_DIAGONAL_MM / diagonal
+    possible = NARROWEST_MM <= pitch * max(tags[PIXELS_X], tags[PIXELS_Y]) <= WIDEST_MM
+    if not possible or tags[PIXELS_X] * tags[PIXELS_Y] < FEWEST_PIXELS:
+        return None
+    return tags[FOCAL_LENGTH] * FULL_FRAME_DIAGONAL_MM / (pitch * math.hypot(tags[PIXELS_X], tags[PIXELS_Y]))

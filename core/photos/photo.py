@@ -118,10 +118,12 @@ def photo_facts(path: str | Path) -> PhotoFacts:
 
 
 def _focal_35mm(exif: Exif, width: int, height: int) -> float | None:
-    """The 35 mm equivalent (mm) that EXIF states, or that follows from the real focal length and the camera's sensor."""
+    """The 35 mm equivalent (mm) that EXIF states, or that follows from the real focal length and the camera's sensor: the one of
+    the table first, because EXIF's own belongs to the photo before it was resized.
+    """
     if exif.focal_35mm is not None or exif.focal_mm is None:
         return exif.focal_35mm
-    return focal_35mm_of(exif.model, exif.focal_mm, width, height)
+    return focal_35mm_of(exif.model, exif.focal_mm, width, height) or exif.sensor_35mm
 
 
 def _with_focal(photo: Photo, exif: Exif) -> Photo:
