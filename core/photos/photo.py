@@ -118,7 +118,7 @@ def photo_facts(path: str | Path) -> PhotoFacts:
 
 
 def _focal_35mm(exif: Exif, width: int, height: int) -> float | None:
-    """The 35 mm equivalent (mm) that EXIF states, or that follows from the real focal length and the camera's sensor: the one of
+    """The 35 mm equivalent (mm) that EXIF states, or that follows from the real focal length and the sensor: the one of
     the table first, because EXIF's own belongs to the photo before it was resized.
     """
     if exif.focal_35mm is not None or exif.focal_mm is None:

@@ -32,7 +32,7 @@ def _apply_filter(rows: Float32Array) -> Float32Array:
         opacity = np.clip(opacity, NEAREST_TO_ZERO, NEAREST_TO_ONE)
         out = np.delete(rows, AT, axis=1)
         out[:, 3:6] = 0.5 * np.log(variance + added)
-        out[:, 10] = np.where(np.isfinite(rows[:, 10]), np.log(opacity / (1 - opacity)), np.nan)
+        out[:, 10] = np.where(np.isnan(rows[:, 10]), np.nan, np.log(opacity / (1 - opacity)))
     return np.asarray(out)
 
 

@@ -36,6 +36,16 @@ def deep() -> GaussianScene:
 
 SCENES: dict[str, Callable[[], tuple[GaussianScene, Intrinsics, Pose]]] = {
     "camera inside": lambda: (make_scene(np.subtract(MEANS, (0, 0, 4)), SCALES), CAMERA, Pose()),
+    "flat Gaussians, and points": lambda: (
+        make_scene(MEANS, SCALES * np.array([1.0, 0.0, 1.0]) * (MEANS[:, :1] > 0)),
+        CAMERA,
+        Pose(),
+    ),
+    "opaque and invisible": lambda: (
+        replace(make_scene(MEANS, SCALES), opacities=(MEANS[:, 0] > 0).astype(np.float32)),
+        CAMERA,
+        Pose(),
+    ),
     "camera on a Gaussian": lambda: (make_scene(np.vstack([MEANS, np.zeros(3)]), 0.3), CAMERA, Pose()),
     "tiny focal length": lambda: (make_scene(MEANS, SCALES), replace(CAMERA, fx=0.5, fy=0.5), Pose()),
     "huge focal length": lambda: (
