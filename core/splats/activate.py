@@ -49,8 +49,9 @@ class SceneBuilder:
         self._sh[rows] = sh
         self.filled += len(means)
 
-    def scene(self, source_format: str, orientation: Orientation = "Y_DOWN") -> GaussianScene:
+    def scene(self, source_format: str, orientation: Orientation = "Y_DOWN", antialiased: bool = False) -> GaussianScene:
         """The scene of everything added, as `GaussianScene.checked` makes it. Raises its errors."""
         n = self.filled
         arrays = (self._means[:n], self._scales[:n], self._rotations[:n], self._opacities[:n], self._sh[:n])
-        return GaussianScene(*arrays, format=source_format, orientation=orientation).checked()
+        made = GaussianScene(*arrays, format=source_format, orientation=orientation, antialiased=antialiased)
+        return made.checked()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ class GaussianScene:
     `dropped` counts Gaussians that `checked` left out, `normalised` those that it kept with an opacity or a rotation put
     right; `format` names the source format.
     `orientation` is which way the file's axes point by the convention of its format: the importer's default, nothing more.
+    `antialiased`: the scan was trained so that a splat's opacity falls as the low-pass filter widens it, and is drawn so.
     Raises SplatFormatError when shapes disagree.
     """
 
@@ -41,6 +42,7 @@ class GaussianScene:
     normalised: int = 0
     format: str = ""
     orientation: Orientation = "Y_DOWN"
+    antialiased: bool = False
 
     def __post_init__(self) -> None:
         n = len(self.means)
@@ -64,7 +66,7 @@ class GaussianScene:
         if kept == 0:
             raise SplatFormatError(f"All {count} Gaussians of the file hold NaN or infinite values; export the scan again.")
         m, s, r, o, h = (array[:kept] for array in own)
-        return GaussianScene(m, s, r, o, h, count - kept, normalised, self.format, self.orientation)
+        return replace(self, means=m, scales=s, rotations=r, opacities=o, sh=h, dropped=count - kept, normalised=normalised)
 
     @property
     def _arrays(self) -> tuple[Float32Array, ...]:

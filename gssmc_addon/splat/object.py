@@ -16,6 +16,7 @@ from ...core.splats.scene import SH_COEFFICIENTS, GaussianScene
 from ..support.texts import rpt_
 
 BASE = "radiance:base"
+ANTIALIASED = "gssmc_antialiased"  # a custom property of the point cloud, as in GaussianScene; there where it is true
 SH_PREFIX = "radiance:sh_"
 REQUIRED = ("position", "scale", "rotation", BASE)
 COMPONENTS = {"FLOAT_VECTOR": 3, "QUATERNION": 4, "FLOAT_COLOR": 4, "FLOAT4": 4}

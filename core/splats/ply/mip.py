@@ -72,7 +72,7 @@ def write_mip(path: str | Path, scene: GaussianScene, filter_3d: NDArray[np.floa
     plain = GaussianScene(*parts)
     column = np.asarray(filter_3d, np.float64)[:, None]
     names = property_names(plain, extra=(FILTER,))
-    write_rows(path, len(plain), names, lambda at: np.concatenate([raw_rows(plain, at), column[at]], axis=1), precision)
+    write_rows(path, plain, names, lambda at: np.concatenate([raw_rows(plain, at), column[at]], axis=1), precision)
 
 
 FORMAT = SplatFormat(LAYOUT.name, ".ply", ORIENTATION, detect, inspect, read)

@@ -58,7 +58,7 @@ def write_2dgs(path: str | Path, scene: GaussianScene, precision: Precision = "f
     thick = int((scene.scales[:, 2] > MAX_THICKNESS * scene.scales[:, :2].min(axis=1)).sum())
     if thick:
         raise SplatFormatError(f"{thick} of {len(scene)} Gaussians are not flat along their third axis; write a plain .ply.")
-    write_rows(path, len(scene), property_names(scene, 2), lambda at: raw_rows(scene, at, 2), precision)
+    write_rows(path, scene, property_names(scene, 2), lambda at: raw_rows(scene, at, 2), precision)
 
 
 FORMAT = SplatFormat(LAYOUT.name, ".ply", ORIENTATION, detect, inspect, read)

@@ -16,6 +16,8 @@ from .layout import COLOUR
 Precision = Literal["half", "float", "double"]
 CODES: dict[Precision, str] = {"half": "<f2", "float": "<f4", "double": "<f8"}
 WRITE_ROWS = 1 << 14
+ANTIALIASED = "comment SplatRenderMode: mip"  # as Brush writes it
+Z_UP = "comment Vertical Axis: z"  # as nerfstudio writes it
 
 
 def property_names(scene: GaussianScene, scales: int = 3, extra: Sequence[str] = ()) -> list[str]:
@@ -26,13 +28,20 @@ def property_names(scene: GaussianScene, scales: int = 3, extra: Sequence[str] =
 
 
 def write_rows(
-    path: str | Path, count: int, names: Sequence[str], rows: Callable[[slice], NDArray[np.floating]], precision: Precision
+    path: str | Path,
+    scene: GaussianScene,
+    names: Sequence[str],
+    rows: Callable[[slice], NDArray[np.floating]],
+    precision: Precision,
 ) -> None:
-    """A PLY with one element of `count` vertices; `rows` gives the values (n, len(names)) of a slice of them.
+    """A PLY with one element, a vertex for each Gaussian; `rows` gives the values (n, len(names)) of a slice of them.
 
     The file appears whole or not at all. OSError passes through.
     """
-    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
+    said = [ANTIALIASED] if scene.antialiased else []
+    said += [Z_UP] if scene.orientation == "Z_UP" else []
+    count = len(scene)
+    lines = ["ply", "format binary_little_endian 1.0", *said, f"element vertex {count}"]
     lines += [f"property {precision} {name}" for name in names] + ["end_header", ""]
     with atomic_write(path, "wb") as file:
         file.write("\n".join(lines).encode("ascii"))
