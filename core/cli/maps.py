@@ -74,7 +74,7 @@ class MapFlags:
         return map_key("", self.settings, self.known)
 
     def cache(self, scene: GaussianScene) -> MapCache:
-        return MapCache(scene, self.place, self.settings, self.known)
+        return MapCache(scene, self.place, self.settings, [camera.relative_to(scene.origin) for camera in self.known])
 
 
 def whole_map(cache: MapCache) -> LandmarkMap:

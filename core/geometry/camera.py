@@ -195,6 +195,11 @@ class Pose:
         R = np.asarray(R, np.float64)
         return cls(R, -R @ np.asarray(centre, np.float64))
 
+    def relative_to(self, origin: ArrayLike) -> Pose:
+        """The same camera among points of which `origin` (3,) was subtracted; itself where that is zero."""
+        shift = np.asarray(origin, np.float64)
+        return Pose(self.R, self.t + self.R @ shift) if shift.any() else self
+
     def inverse(self) -> Pose:
         return Pose(self.R.T, -self.R.T @ self.t)
 
@@ -221,6 +226,10 @@ class Camera:
     file: str = ""
     focal_guessed: bool = False
     pixel_order: PixelOrder = "upright"
+
+    def relative_to(self, origin: ArrayLike) -> Camera:
+        """The same camera among points of which `origin` (3,) was subtracted."""
+        return replace(self, pose=self.pose.relative_to(origin))
 
 
 def rotation_angle_deg(R: ArrayLike) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..geometry.conventions import Orientation
@@ -49,9 +51,8 @@ class SceneBuilder:
         self._sh[rows] = sh
         self.filled += len(means)
 
-    def scene(self, source_format: str, orientation: Orientation = "Y_DOWN", antialiased: bool = False) -> GaussianScene:
-        """The scene of everything added, as `GaussianScene.checked` makes it. Raises its errors."""
+    def scene(self, source_format: str, orientation: Orientation = "Y_DOWN", **more: Any) -> GaussianScene:
+        """The scene of everything added, with `more` of its values, as `GaussianScene.checked` makes it. Raises its errors."""
         n = self.filled
         arrays = (self._means[:n], self._scales[:n], self._rotations[:n], self._opacities[:n], self._sh[:n])
-        made = GaussianScene(*arrays, format=source_format, orientation=orientation, antialiased=antialiased)
-        return made.checked()
+        return GaussianScene(*arrays, format=source_format, orientation=orientation, **more).checked()

@@ -22,7 +22,7 @@ UNIT_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class GaussianScene:
-    """N Gaussians with activated values, in the coordinates of the splat file. All arrays float32, C-contiguous.
+    """N Gaussians with activated values, in the coordinates of the splat file less `origin`. All arrays float32, C-contiguous.
 
     means (N, 3); scales (N, 3) linear standard deviations; rotations (N, 4) unit quaternions w x y z; opacities (N,) in 0..1;
     sh (N, K, 3) spherical-harmonics coefficients (colour last), K = 1, 4, 9 or 16 for degree 0..3.
@@ -30,6 +30,8 @@ class GaussianScene:
     right; `format` names the source format.
     `orientation` is which way the file's axes point by the convention of its format: the importer's default, nothing more.
     `antialiased`: the scan was trained so that a splat's opacity falls as the low-pass filter widens it, and is drawn so.
+    `origin`: what was subtracted from the means of a scan that lies so far out (map coordinates) that float32 would round them;
+    cameras stand among the means as `Pose.relative_to(origin)` gives them.
     Raises SplatFormatError when shapes disagree.
     """
 
@@ -43,6 +45,7 @@ class GaussianScene:
     format: str = ""
     orientation: Orientation = "Y_DOWN"
     antialiased: bool = False
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         n = len(self.means)
@@ -79,6 +82,12 @@ class GaussianScene:
     @property
     def sh_degree(self) -> int:
         return SH_COEFFICIENTS.index(self.sh.shape[1])
+
+
+def check_near(scene: GaussianScene, suffix: str) -> None:
+    """Raises SplatFormatError when the scene has an origin, for which a format of `suffix` has no room."""
+    if any(scene.origin):
+        raise SplatFormatError(f"The scan lies too far from its origin for {suffix}, which would round its places; write .ply.")
 
 
 def _compacted(arrays: Sequence[Float32Array]) -> tuple[int, int]:

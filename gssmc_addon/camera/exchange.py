@@ -20,6 +20,7 @@ from ...core.geometry.turned_photo import stored_camera
 from ...core.support.atomic import atomic_write
 from ..photo import image as photo_image
 from ..plate import source as plate_source
+from ..splat import object as splat_object
 from ..support.texts import rpt_
 from . import bridge as camera_bridge
 from . import channels as camera_channels
@@ -185,7 +186,9 @@ def _plate_picture(obj: bpy.types.Object, plate: plate_source.MovingPhoto, frame
 
 
 def _camera(scene: bpy.types.Scene, obj: bpy.types.Object, picture: _Picture) -> Outgoing:
-    camera = camera_bridge.read_camera(scene, obj, scene.gssmc.splat).at_size(*picture.size)
+    splat = scene.gssmc.splat
+    near = camera_bridge.read_camera(scene, obj, splat).at_size(*picture.size)
+    camera = near.relative_to([-value for value in splat_object.origin_of(splat)])
     verdict, props = camera_solution.verdict(scene, obj), obj.data.gssmc
     said: dict[str, Any] = {"lens_state": props.lens_state.lower()}
     if verdict != "NONE":

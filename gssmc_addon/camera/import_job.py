@@ -28,6 +28,7 @@ from ...core.photos.places import PhotoFinder
 from ..jobs.machine import Job
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
+from ..splat import object as splat_object
 from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
@@ -208,7 +209,8 @@ class CameraImport(Job):
         if item.file:
             obj.data.gssmc.photo = _image(item.file, item.turned)
             self.shown += 1
-        camera_bridge.write_new_camera(scene, obj, by_uid(scene.objects, self._splat), item.camera)
+        splat = by_uid(scene.objects, self._splat)
+        camera_bridge.write_new_camera(scene, obj, splat, item.camera.relative_to(splat_object.origin_of(splat)))
         obj.data.gssmc.lens_state = "GUESSED" if item.camera.focal_guessed else "CALIBRATED"
         self._first = self._first or obj.session_uid
         self.made += 1

@@ -19,6 +19,7 @@ from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame
 from ..registration import camera_props
+from ..splat import object as splat_object
 from ..support.texts import rpt_
 from . import image as photo_image
 
@@ -41,7 +42,7 @@ class ViewportView:
 
 
 def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
-    """The camera that the file has for this photo, by the same rule as on the command line.
+    """The camera that the file has for this photo, by the same rule as on the command line, in the splat object's coordinates.
 
     Raises CameraError when none or several name the photo or no splat can carry the pose, PhotoError when the shapes differ.
     """
@@ -49,7 +50,8 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
         raise CameraError(rpt_("The camera file's pose needs a splat to stand in; import the splat first."))
     camera_bridge.splat_similarity(scene.gssmc.splat)
     start = record_of_photo(starts(Path(bpy.path.abspath(path))).placed, photo.file, Path(path).name)
-    return fit_to_photo(photo, start.camera(guess_lens(photo).intrinsics, photo.orientation))
+    found = fit_to_photo(photo, start.camera(guess_lens(photo).intrinsics, photo.orientation))
+    return found.relative_to(splat_object.origin_of(scene.gssmc.splat))
 
 
 CAMERA_ITEMS = (

@@ -142,6 +142,8 @@ class Building:
             splat_display.dress_splat(cloud, look.radius)
         if look.viewport:
             viewport.prime(cloud, look.viewport)
+        if any(scene.origin):
+            cloud[splat_object.ORIGIN] = scene.origin
         if scene.antialiased:
             cloud[splat_object.ANTIALIASED] = True
         obj = bpy.data.objects.new(self._name, cloud)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...batch.find_one import find_target, found_to_dict
+from ...batch.place import into_file
 from ...batch.refine_one import read_masked_photo
 from ...cameras.files import StartCamera
 from ...cameras.unplaced import Unplaced
@@ -60,10 +61,11 @@ def run(args: argparse.Namespace) -> Outcome:
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         found = find_with_progress(renderer, target, flags.cache(scene), settings)
-    put_result(args.out, found_to_dict(found, wanted))
+    put_result(args.out, into_file(found_to_dict(found, wanted), scene.origin))
     if found.camera is None or found.refined is None:
         return Outcome(FAILED_VERDICT, args.scene)
-    return Outcome(OK, args.scene, (found.camera,), (args.photo,), (found.refined,), (mask,))
+    camera = found.camera.relative_to([-value for value in scene.origin])
+    return Outcome(OK, args.scene, (camera,), (args.photo,), (found.refined,), (mask,))
 
 
 def _say_lens(given: StartCamera | Unplaced, photo: Photo) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...batch.find_one import find_target, found_to_dict, joined
+from ...batch.place import into_file, into_scene
 from ...batch.refine_one import read_masked_photo, refine_photo
 from ...cameras import camera_file
 from ...cameras.files import StartCamera
@@ -69,7 +70,8 @@ def run(args: argparse.Namespace) -> Outcome:
     code = FAILED_VERDICT if placed.record["verdict"] == "failed" else OK
     if placed.report is None:
         return Outcome(code, args.scene)
-    return Outcome(code, args.scene, (placed.report.camera,), (args.photo,), (placed.report,), (mask,))
+    camera = placed.report.camera.relative_to([-value for value in scene.origin])
+    return Outcome(code, args.scene, (camera,), (args.photo,), (placed.report,), (mask,))
 
 
 def _check_paths(args: argparse.Namespace, settings: RefineSettings, mask: Path | None) -> None:
@@ -97,6 +99,12 @@ class Placing:
         self._renderer, self._scene, self._settings, self._flags = renderer, scene, settings, flags
 
     def place(self, photo: Photo, wanted: Camera | Unplaced) -> Placed:
+        """The end, in the coordinates of the scan's file."""
+        origin = self._scene.origin
+        placed = self._placed(photo, into_scene(wanted, origin))
+        return Placed(into_file(placed.record, origin), placed.report)
+
+    def _placed(self, photo: Photo, wanted: Camera | Unplaced) -> Placed:
         if isinstance(wanted, Unplaced):
             return self._find(photo, wanted)
         with ProgressBar("Refining") as bar:

@@ -53,9 +53,10 @@ def run(args: argparse.Namespace) -> Outcome:
     args.outdir.mkdir(parents=True, exist_ok=True)
     milliseconds: list[float] = []
     for camera, name in zip(cameras, names, strict=True):
-        view = renderer.render(camera.intrinsics, camera.pose)
+        near = camera.relative_to(scene.origin)
+        view = renderer.render(near.intrinsics, near.pose)
         write_view(args.outdir / name, view, args.npz)
-        milliseconds += _time(renderer, camera, args.repeat)
+        milliseconds += _time(renderer, near, args.repeat)
     if milliseconds:
         median = round(statistics.median(milliseconds), 3)
         say(json.dumps({"median_ms": median, "frames": len(cameras), "repeat": args.repeat, "gaussians": len(scene)}))

@@ -14,7 +14,7 @@ from ...geometry.conventions import Orientation
 from ..activate import SceneBuilder
 from ..format import Progress, SplatInfo
 from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
-from .body import rows_at_most, skip_elements_before_vertex, vertex_columns
+from .body import FarOrigin, rows_at_most, skip_elements_before_vertex, vertex_columns
 from .header import PlyElement, PlyHeader, read_header
 
 ORIENTATION: Orientation = "Y_DOWN"  # trainers keep COLMAP's world: x right, y down, z forward (RDF)
@@ -75,9 +75,10 @@ def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> Gau
         vertex = _gaussian_element(header.element("vertex"), layout)
         colours = _colours(vertex)
         skip_elements_before_vertex(file, header)
+        far = FarOrigin()
         builder = SceneBuilder(rows_at_most(file, header, vertex), len(colours) // 3)
         with np.errstate(over="ignore", invalid="ignore"):
-            for rows in vertex_columns(file, header, [*layout.geometry, *colours]):
+            for rows in vertex_columns(file, header, [*layout.geometry, *colours], far):
                 builder.add(layout.to_raw(rows))
                 if progress is not None:
                     progress(builder.filled / vertex.count)
@@ -85,7 +86,9 @@ def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> Gau
         raise SplatFormatError(
             f"The file is cut off: it holds {builder.filled} of the {vertex.count} Gaussians it promises; export it again."
         )
-    return builder.scene(layout.name, declared_axes(header) or ORIENTATION, is_antialiased(header))
+    x, y, z = (float(value) for value in far.origin)
+    axes, soft = declared_axes(header) or ORIENTATION, is_antialiased(header)
+    return builder.scene(layout.name, axes, antialiased=soft, origin=(x, y, z))
 
 
 def _gaussian_element(vertex: PlyElement | None, layout: PlyLayout) -> PlyElement:

@@ -69,7 +69,7 @@ def write_mip(path: str | Path, scene: GaussianScene, filter_3d: NDArray[np.floa
     if wrong:
         raise SplatFormatError(f"{wrong} of {len(scene)} Gaussians are too small for their 3D filter; give smaller filters.")
     parts = (scene.means, np.sqrt(bare).astype(np.float32), scene.rotations, opacity.astype(np.float32), scene.sh)
-    plain = GaussianScene(*parts)
+    plain = GaussianScene(*parts, antialiased=scene.antialiased, origin=scene.origin)
     column = np.asarray(filter_3d, np.float64)[:, None]
     names = property_names(plain, extra=(FILTER,))
     write_rows(path, plain, names, lambda at: np.concatenate([raw_rows(plain, at), column[at]], axis=1), precision)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import SplatFormatError
 from ...support.atomic import atomic_write
 from ..ply.write import WRITE_ROWS, log_scales
-from ..scene import Float32Array, GaussianScene
+from ..scene import Float32Array, GaussianScene, check_near
 from ..turn import turned
 from .payload import ANTIALIASED, HEADER, MAGIC, ORIENTATION
 from .reader import COLOUR_FACTOR, SCALE_OFFSET, SCALE_STEPS
@@ -36,6 +36,7 @@ def write_spz(path: str | Path, scene: GaussianScene, version: int = 3) -> None:
     """
     if version not in VERSIONS:
         raise SplatFormatError(f"Version {version} of .spz can't be written; take 2 or 3.")
+    check_near(scene, ".spz")
     scene = turned(scene, ORIENTATION)
     reach = float(np.abs(scene.means).max(initial=0))
     if reach > LARGEST_POSITION:
