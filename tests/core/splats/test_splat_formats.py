@@ -4,6 +4,7 @@ import gzip
 import math
 import struct
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -262,6 +263,7 @@ SAMPLES = {
     "compressed ply": random_chunk_ply(3)[0],
     "splat": splat_bytes(splat_records(3)),
     "spz": spz_bytes(spz_rows(3, 0), 3, 0),
+    "sog": (Path(__file__).parents[2] / "data" / "by_splat_transform.sog").read_bytes(),
 }
 
 
