@@ -17,11 +17,12 @@ from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
+from .lens_report import lens_numbers
 from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
 from .search.observe import PhotoFeatures, extract_photo_features
 from .settings import RefineSettings
-from .shared.lens import CameraUnknowns, LensMode
+from .shared.lens import CameraUnknowns, LensPrior
 from .shared.working import WorkingPhoto
 from .verdict import sentences
 from .verdict.verdict import LoopMatches, assess, assess_start, fits_better, judge
@@ -61,9 +62,9 @@ def _refine_with(
     frontend: Frontend, renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings
 ) -> Progress:
     began = time.perf_counter()
-    refinement = _Refinement(renderer, photo, camera, settings, lens_mode(settings, camera))
+    refinement = _Refinement(renderer, photo, camera, settings)
     extract = partial(extract_photo_features, photo, camera.intrinsics, settings.long_side_px)
-    loop, features = Loop(renderer, settings, frontend, refinement.mode, extract), extract(frontend)
+    loop, features = Loop(renderer, settings, frontend, refinement.solves_lens, extract), extract(frontend)
     records: list[IterationRecord] = []
     if len(features) < MIN_PHOTO_FEATURES:
         loop, features = loop.stronger(features, 0, 1)
@@ -81,11 +82,9 @@ def _refine_with(
     return refinement.report(refined, judgement, records, began, None if judgement.is_of("start") else solution)
 
 
-def lens_mode(settings: RefineSettings, camera: Camera) -> LensMode:
-    """What of the lens is solved for; "auto" trusts a calibration and solves for the focal length of a guess."""
-    if settings.lens != "auto":
-        return settings.lens
-    return "focal" if camera.focal_guessed else "fixed"
+def solves_lens(settings: RefineSettings, camera: Camera) -> bool:
+    """Whether anything of a camera's lens is solved for; "auto" takes a calibration as it is."""
+    return camera.focal_guessed if settings.lens == "auto" else settings.lens != "fixed"
 
 
 @dataclass(frozen=True)
@@ -104,15 +103,16 @@ class _Judgement:
 
 @dataclass(frozen=True)
 class _Refinement:
-    """One refinement's inputs, and what is made of them after the loop: last stage, verdict and report. `mode`: what of the
-    lens is solved for.
-    """
+    """One refinement's inputs, and what is made of them after the loop: last stage, verdict and report."""
 
     renderer: ViewRenderer
     photo: Photo
     start: Camera
     settings: RefineSettings
-    mode: LensMode
+
+    @property
+    def solves_lens(self) -> bool:
+        return solves_lens(self.settings, self.start)
 
     def finish(
         self, photo: PhotoFeatures, answer: Answer, iterations: int, rng: np.random.Generator
@@ -124,7 +124,8 @@ class _Refinement:
             solution = yield from self._final(answer, iterations, rng)
         yield RefineProgress(iterations, self.settings.iterations, "checking the answer", 0.97)
         if solution is None:
-            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, self.mode)
+            prior = LensPrior.of(self.start)
+            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, prior)
             return loop, view_at(self.renderer, image, loop.camera.pose)
         lens = solution.camera.intrinsics.resized(image.intrinsics.width, image.intrinsics.height)
         return solution, view_at(self.renderer, image.with_intrinsics(lens), solution.camera.pose)
@@ -135,7 +136,8 @@ class _Refinement:
         photo = WorkingPhoto.of(self.photo, self.start.intrinsics, self.settings.final_long_side_px)
         size = (photo.intrinsics.width, photo.intrinsics.height)
         start = CameraUnknowns(answer.fit.pose, answer.intrinsics.resized(*size))
-        work = FinalStage(self.renderer, self.settings, photo.intrinsics, self.mode).run(photo, start, rng)
+        prior = LensPrior.of(self.start).resized(*size)
+        work = FinalStage.of(self.renderer, self.settings, prior).run(photo, start, rng)
         fraction = LOOP_SHARE
 
         def progress(step: str) -> RefineProgress:
@@ -149,10 +151,10 @@ class _Refinement:
     def full_size(self, camera: CameraUnknowns) -> Camera:
         """The camera for the photo at its full size; the given lens itself where it was not solved for."""
         given = self.start.intrinsics
-        if self.mode == "fixed":
+        if not self.solves_lens:
             return replace(self.start, pose=camera.pose)
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
-        return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
+        return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False, focal_std=None)
 
     def judge(self, answer: Answer, solution: FittedCamera, final: FinalView, loop: LoopResult) -> _Judgement:
         """The verdict, with the evidence of the pose that is returned, or of the one that is not and why."""
@@ -188,6 +190,6 @@ class _Refinement:
             seconds=seconds,
             quality=judgement.quality,
             stage=solution.stage if solution else "",
-            lens=solution.mode if solution else self.mode,
+            lens=() if solution is None else lens_numbers(solution, self.start.intrinsics),
             details=judgement.details,
         )

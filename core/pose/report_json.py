@@ -25,7 +25,7 @@ def report_to_dict(report: RefineReport) -> dict[str, Any]:
         "seconds": round(report.seconds, 3),
         "quality": quality_to_dict(report.quality) if report.quality else None,
         "stage": report.stage,
-        "lens": report.lens,
+        "lens": {n.name: {"state": n.state, "value": n.value, "std": _number(n.std)} for n in report.lens},
         "start": pose_to_dict(report.start.pose),
     }
 

@@ -15,7 +15,6 @@ from ...render.view import ViewRenderer, sole_renderer
 from ..final.stage import view_pool
 from ..report import IterationRecord, RefineProgress
 from ..settings import RefineSettings
-from ..shared.lens import LensMode
 from ..shared.matches import ViewMatches
 from ..verdict.verify import FinalView, compare
 from .epipolar import EpipolarFit, measure_epipolar
@@ -111,14 +110,14 @@ class IterationEnd:
 
 @dataclass(frozen=True)
 class Loop:
-    """One refinement's fixed inputs; `run` does the iterations. `mode`: what of the lens is solved for; `extract`: the photo
-    with the features that a frontend finds in it.
+    """One refinement's fixed inputs; `run` does the iterations. `solves_focal`: the focal length is unknown; `extract`: the
+    photo with the features that a frontend finds in it.
     """
 
     renderer: ViewRenderer
     settings: RefineSettings
     frontend: Frontend
-    mode: LensMode
+    solves_focal: bool
     extract: Callable[[Frontend], PhotoFeatures]
 
     def stronger(self, photo: PhotoFeatures, usable: int, views: int) -> tuple[Loop, PhotoFeatures]:
@@ -192,7 +191,7 @@ class Loop:
     def _solve(self, start: IterationStart, observations: list[Observation]) -> IterationEnd:
         """The focal length where it is unknown, then the coarse and the fine stage on one iteration's views."""
         photo, settled = start.photo, True
-        if self.mode != "fixed":
+        if self.solves_focal:
             refocused = refocus(photo, observations, start.prior, start.first)
             photo, observations, settled = refocused.photo, refocused.observations, refocused.settled
         K = photo.pinhole.matrix

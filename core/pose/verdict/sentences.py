@@ -5,7 +5,7 @@ All pixels are those of the photo as it is. A figure that there is not, or that 
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, log
 
 from ..report import PoseQuality
 
@@ -107,8 +107,13 @@ def focal_uncertain(q: PoseQuality) -> str:
 
 
 def other_lens(q: PoseQuality) -> str:
-    better = f"{q.lens_gain_pct:.0f} % better" if isfinite(q.lens_gain_pct) else "much better"
-    return f"With another focal length and distortion the matches fit {better}; check the lens, or have it solved for in full."
+    what = "check the lens, or have it solved for"
+    where = "elsewhere"
+    if isfinite(q.lens_shift_pct) and isfinite(q.lens_shift_deg):
+        where = f"{per_cent(q.lens_shift_pct)} of the distance to the scene and {q.lens_shift_deg:.2f} degrees off"
+    if q.lens_log_odds > 0:
+        return f"The lens does not fit the photo: with another one, which fits better, the camera would stand {where}; {what}."
+    return f"The matches do not tell the lens from another one, with which the camera would stand {where}; {what}."
 
 
 def details(q: PoseQuality) -> tuple[str, ...]:
@@ -130,8 +135,8 @@ def details(q: PoseQuality) -> tuple[str, ...]:
             f"Standard deviation of the position {q.translation_std_pct:.3f} % of the median depth, of the rotation "
             f"{q.rotation_std_deg:.3f} degrees{focal}."
         )
-    if isfinite(q.lens_gain_pct) and q.lens_gain_pct > 0:
-        said.append(f"With focal length, k1 and k2 free the RMS falls by {q.lens_gain_pct:.0f} %.")
+    if isfinite(q.lens_log_odds):
+        said.append(f"Odds of another lens against the one given are 10^{q.lens_log_odds / log(10):.1f} to 1.")
     return tuple(said)
 
 

@@ -12,7 +12,7 @@ from core.geometry.camera import Intrinsics, Pose
 from core.pose.final.solution import FittedCamera
 from core.pose.report import PoseQuality
 from core.pose.report_json import quality_to_dict
-from core.pose.shared.lens import CameraUnknowns
+from core.pose.shared.lens import CALIBRATED_STD, CameraUnknowns, LensPrior
 from core.pose.shared.matches import ViewMatches
 from core.pose.verdict import sentences
 from core.pose.verdict.verdict import LoopMatches, assess, fits_better, judge
@@ -35,6 +35,8 @@ GOOD = PoseQuality(
     disagreement_deg=0.02,
     translation_std_pct=0.05,
     rotation_std_deg=0.02,
+    focal_std_pct=0.05,
+    lens_log_odds=-4.0,
 )
 
 
@@ -82,7 +84,6 @@ DOUBTS = {
     "disagreement_deg": (0.5, "0.50 degrees apart"),
     "translation_std_pct": (2.5, "known only to 2.5 % of the distance"),
     "focal_std_pct": (1.5, "focal length is known only to 1.5 %"),
-    "lens_gain_pct": (40.0, "fit 40 % better"),
 }
 
 
@@ -91,6 +92,22 @@ def test_each_doubt_has_its_sentence(name):
     value, sentence = DOUBTS[name]
     verdict, reasons = judge(replace(GOOD, **{name: value}))
     assert verdict == "check" and len(reasons) == 1 and sentence in reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("odds", "pct", "deg", "sentence"),
+    [
+        (40.0, 1.2, 0.1, "does not fit the photo: with another one, which fits better, the camera would stand 1.2 %"),
+        (-2.0, 0.1, 0.5, "do not tell the lens from another one, with which the camera would stand 0.10 %"),
+        (-9.0, 1.2, 0.5, ""),
+        (40.0, 0.2, 0.1, ""),
+        (math.nan, 1.2, 0.1, "do not tell the lens"),
+    ],
+)
+def test_a_lens_is_doubted_where_another_may_be_right_and_would_move_the_camera(odds, pct, deg, sentence):
+    verdict, reasons = judge(replace(GOOD, lens_log_odds=odds, lens_shift_pct=pct, lens_shift_deg=deg))
+    assert verdict == ("check" if sentence else "trusted")
+    assert sentence in reasons[0]
 
 
 def test_no_sentence_ever_holds_a_nan_or_an_infinity():
@@ -106,7 +123,7 @@ def test_no_sentence_ever_holds_a_nan_or_an_infinity():
                 assert sentence.endswith(".") and (sentence[0].isupper() or sentence[0].isdigit())
 
 
-@pytest.mark.parametrize("name", ["disagreement_pct", "translation_std_pct", "rms_px_of_photo"])
+@pytest.mark.parametrize("name", ["disagreement_pct", "translation_std_pct", "rms_px_of_photo", "focal_std_pct"])
 def test_a_figure_that_there_is_not_is_a_doubt(name):
     assert judge(replace(GOOD, **{name: math.nan}))[0] == "check"
     assert judge(replace(GOOD, **{name: math.inf}))[0] == "check"
@@ -124,7 +141,9 @@ def test_the_rms_has_one_threshold_whatever_the_photo(photo, rms, verdict):
 
 def solution(stage, long_side, rms_px):
     k = Intrinsics(long_side, long_side // 2, 500.0, 500.0, 300.0, 200.0)
-    return FittedCamera(CameraUnknowns(Pose(), k), stage, rms_px, 0.001, 0.01, math.nan, 0.002, 0.01, "fixed")
+    return FittedCamera(
+        CameraUnknowns(Pose(), k), stage, rms_px, 0.001, 0.01, CALIBRATED_STD, 0.002, 0.01, LensPrior(k, CALIBRATED_STD, True)
+    )
 
 
 @pytest.mark.parametrize(("stage", "long_side", "rms_px"), [("loop", 640, 0.3), ("joint", 1280, 0.6)])
