@@ -17,7 +17,7 @@ from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
-from .lens_report import lens_numbers
+from .lens_report import lens_numbers, lens_sentence
 from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
 from .search.observe import PhotoFeatures, extract_photo_features
@@ -178,7 +178,8 @@ class _Refinement:
         solution: FittedCamera | None = None,
     ) -> RefineReport:
         seconds = time.perf_counter() - began
-        reasons = judgement.reasons
+        lens = () if solution is None or refined is None else lens_numbers(solution, self.start.intrinsics)
+        reasons = tuple(r for r in (*judgement.reasons, lens_sentence(lens, self.start.intrinsics)) if r)
         log.info("%s after %d iterations, %.1f s: %s", judgement.verdict, len(records), seconds, " ".join(reasons))
         log.debug("%s", " ".join(judgement.details))
         return RefineReport(
@@ -190,6 +191,6 @@ class _Refinement:
             seconds=seconds,
             quality=judgement.quality,
             stage=solution.stage if solution else "",
-            lens=() if solution is None else lens_numbers(solution, self.start.intrinsics),
+            lens=lens,
             details=judgement.details,
         )

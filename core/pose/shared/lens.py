@@ -25,9 +25,9 @@ MODES: dict[LensMode, Free] = {"fixed": (), "focal": FOCAL, "full": ALL}
 # k2 of phones reach a tenth, and tangential and third radial terms some thousandths and hundredths; pixels are square but for
 # scans and rescaled video.
 GUESS_STD = np.array([0.3, 0.02, 0.02, 0.1, 0.1, 0.003, 0.003, 0.05, 0.01])
-# A calibration is known to about the figures that calibrations state: some tenths of a pixel in a thousand, and the distortion
-# to a pixel at the border.
-CALIBRATED_STD = np.array([5e-4, 5e-4, 5e-4, 1e-3, 1e-3, 2e-4, 2e-4, 1e-3, 2e-4])
+# A calibration is known to about what calibrations state: some tenths of a pixel in a thousand, and the distortion likewise at
+# the border of the picture.
+CALIBRATED_STD = np.array([2e-4, 2e-4, 2e-4, 4e-4, 4e-4, 1e-4, 1e-4, 4e-4, 1e-4])
 MAX_LOG_STEP = 0.2
 
 
