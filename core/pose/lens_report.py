@@ -8,7 +8,7 @@ from math import isfinite
 from ..geometry.camera import FloatArray, Intrinsics
 from ..geometry.conventions import focal_px_from_35mm
 from .final.solution import FittedCamera
-from .report import LENS_NUMBERS, LensNumber, LensState
+from .report import LENS_NUMBERS, LensEvidence, LensNumber, LensState
 
 # A number was solved for where the matches brought its deviation below this share of the prior's; else it stayed at its guess.
 SOLVED_SHARE = 0.5
@@ -27,6 +27,13 @@ def lens_numbers(solution: FittedCamera, photo: Intrinsics) -> tuple[LensNumber,
         LensNumber(name, state, float(value), float(s))
         for name, state, value, s in zip(LENS_NUMBERS, states, values, std, strict=True)
     )
+
+
+def lens_evidence(solution: FittedCamera, guess: Intrinsics) -> LensEvidence | None:
+    """What a photo can tell others of its lens, which was guessed as `guess`; None where not all of it was solved for."""
+    if solution.information is None or len(solution.solved) < len(LENS_NUMBERS):
+        return None
+    return LensEvidence(solution.information, guess)
 
 
 def lens_sentence(numbers: Sequence[LensNumber], photo: Intrinsics) -> str:

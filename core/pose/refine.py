@@ -17,7 +17,7 @@ from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
-from .lens_report import lens_numbers, lens_sentence
+from .lens_report import lens_evidence, lens_numbers, lens_sentence
 from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
 from .search.observe import PhotoFeatures, extract_photo_features
@@ -192,5 +192,6 @@ class _Refinement:
             quality=judgement.quality,
             stage=solution.stage if solution else "",
             lens=lens,
+            lens_evidence=lens_evidence(solution, self.start.intrinsics) if solution and lens else None,
             details=judgement.details,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ..geometry.camera import Camera, Pose
+from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
 
 Verdict = Literal["trusted", "check", "failed"]
 NAN = float("nan")
@@ -52,6 +52,16 @@ class LensNumber:
     state: LensState
     value: float
     std: float
+
+
+@dataclass(frozen=True, eq=False)
+class LensEvidence:
+    """What a photo's matches know, for `shared_lens.share_lens`: `information` (15, 15) by xi (scene units, radians) and the
+    numbers of `lens.NAMES`, at the photo's own solution; `guess`: the lens that its prior was about, at the photo's full size.
+    """
+
+    information: FloatArray
+    guess: Intrinsics
 
 
 EvidenceOf = Literal["refined", "start", "rejected"]
@@ -111,7 +121,8 @@ class RefineReport:
     `reasons` are whole sentences in plain words, the decisive one first, `details` the figures behind them for who knows the
     terms; `seconds` is wall time; `quality` is the evidence and says which pose it belongs to, None when no pose was found;
     `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop"); `lens` says of each number of the lens
-    whether it was solved for and how sure it is, empty where no pose was found.
+    whether it was solved for and how sure it is, empty where no pose was found; `lens_evidence` is what the photo can tell
+    other photos of that lens, None where not all of it was solved for.
     """
 
     camera: Camera
@@ -123,6 +134,7 @@ class RefineReport:
     quality: PoseQuality | None = None
     stage: str = ""
     lens: tuple[LensNumber, ...] = ()
+    lens_evidence: LensEvidence | None = None
     details: tuple[str, ...] = ()
 
     @property

@@ -28,7 +28,8 @@ class FittedCamera:
     matched, whose size is that of the intrinsics. translation_std_units (scene units), rotation_std_deg, lens_std (9,) of the
     numbers `lens.NAMES`: standard deviations with what a lens that was held may be off; infinite where a direction is unseen.
     apart_units, apart_deg: distance between the answers of two halves of the views, scene units and degrees, NaN with fewer
-    than four views. solved: what of the lens was solved for; prior: what was known of it; doubt: what speaks against it.
+    than four views. solved: what of the lens was solved for; prior: what was known of it; doubt: what speaks against it;
+    information (15, 15): what the matches alone know of xi and the lens, None after the loop alone.
     """
 
     camera: CameraUnknowns
@@ -41,6 +42,7 @@ class FittedCamera:
     apart_deg: float
     prior: LensPrior
     solved: Free = ()
+    information: FloatArray | None = None
     doubt: LensDoubt = NO_DOUBT
 
 
@@ -68,7 +70,9 @@ def from_joint(fit: JointFit, depth: float) -> FittedCamera:
         apart = pose_error(a.pose, b.pose)
     std, problem = deviations(fit.information, depth), fit.problem
     pose, against = _pose_deviations(std), doubt(fit)
-    return FittedCamera(fit.camera, fit.kind, fit.rms_px, *pose, std[6:], *apart, problem.prior, problem.free, against)
+    return FittedCamera(
+        fit.camera, fit.kind, fit.rms_px, *pose, std[6:], *apart, problem.prior, problem.free, fit.evidence.information, against
+    )
 
 
 def deviations(information: FloatArray, depth: float) -> FloatArray:

@@ -1,15 +1,17 @@
 """What a report says of the lens: the numbers in the photo's own units, and one plain sentence."""
 
+import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from core.geometry.camera import Intrinsics, Pose
+from core.geometry.camera import Camera, Intrinsics, Pose
 from core.pose.final.solution import FittedCamera
 from core.pose.lens_report import lens_numbers, lens_sentence
-from core.pose.report import LENS_NUMBERS
+from core.pose.report import LENS_NUMBERS, LensEvidence, RefineReport
+from core.pose.report_json import evidence_from_dict, report_to_dict
 from core.pose.shared.lens import ALL, CALIBRATED_STD, GUESS_STD, CameraUnknowns, LensPrior
 
 PHOTO = Intrinsics(3600, 2400, 2500.0, 2500.0, 1800.0, 1200.0)
@@ -55,3 +57,20 @@ def test_a_focal_length_without_a_bound_states_none():
     std = np.where(np.arange(9) == 0, math.inf, TOLD)
     said = lens_sentence(lens_numbers(solution(std, LensPrior(PHOTO, GUESS_STD, False), ALL), PHOTO), PHOTO)
     assert "inf" not in said and "held" in said
+
+
+def test_what_a_photo_knows_of_its_lens_survives_json_and_nothing_else_does():
+    half = np.random.default_rng(0).normal(size=(15, 15))
+    known = LensEvidence(half @ half.T, PHOTO)
+    report = RefineReport(Camera(PHOTO, Pose()), Camera(PHOTO, Pose()), "trusted", (), (), 1.0, lens_evidence=known)
+    back = evidence_from_dict(json.loads(json.dumps(report_to_dict(report)))["lens_evidence"])
+    np.testing.assert_array_equal(back.information, known.information)
+    assert back.guess == PHOTO
+    for spoilt in (
+        None,
+        {},
+        {"information": [1.0], "guess": [1, 2]},
+        "x",
+        {"information": [math.nan] * 120, "guess": [9] * 11},
+    ):
+        assert evidence_from_dict(spoilt) is None
