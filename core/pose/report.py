@@ -58,8 +58,12 @@ class PoseQuality:
     widened by what the fit cannot know (`verdict.SHARED_ERROR`); lens_gain_pct: by how much the RMS falls where focal length,
     k1 and k2 are free as well (0 when they were); corners: the photo's corners over the splat that were looked at; agreement:
     share of them (0..1) that sit on the final render; offset_px_of_photo: median distance of those that could be followed;
-    similarity: correlation (-1..1) of photo and render, free of exposure. A start that was kept took no part in a fit: only
-    the last four are known of it.
+    similarity: correlation (-1..1) of photo and render, free of exposure. Of the part of the photo in which the render sits:
+    region_corners: corners that stay in place there; region_share: (0..1) of all corners there; region_expected: how many would
+    by chance; region_area: share (0..1) of
+    the photo within their hull; region_offset_px_of_photo: their median displacement; unrivalled: share (0..1) of patches there
+    that the render shows nowhere around better than in their place. A start that was kept took no part in a fit: only what
+    follows lens_gain_pct here is known of it.
     """
 
     of: EvidenceOf
@@ -80,6 +84,12 @@ class PoseQuality:
     rotation_std_deg: float = NAN
     focal_std_pct: float = NAN
     lens_gain_pct: float = 0.0
+    region_corners: int = 0
+    region_share: float = 0.0
+    region_expected: float = 0.0
+    region_area: float = 0.0
+    region_offset_px_of_photo: float = NAN
+    unrivalled: float = NAN
 
 
 @dataclass(frozen=True)

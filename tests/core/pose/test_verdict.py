@@ -15,6 +15,7 @@ from core.pose.report_json import quality_to_dict
 from core.pose.shared.lens import CameraUnknowns
 from core.pose.shared.matches import ViewMatches
 from core.pose.verdict import sentences
+from core.pose.verdict.regions import Region
 from core.pose.verdict.verdict import LoopMatches, assess, fits_better, judge
 from core.pose.verdict.verify import FinalView
 
@@ -35,6 +36,12 @@ GOOD = PoseQuality(
     disagreement_deg=0.02,
     translation_std_pct=0.05,
     rotation_std_deg=0.02,
+    region_corners=400,
+    region_share=0.8,
+    region_expected=3.0,
+    region_area=0.6,
+    region_offset_px_of_photo=0.84,
+    unrivalled=1.0,
 )
 
 
@@ -54,26 +61,41 @@ def test_a_good_pose_is_trusted_in_plain_words():
         assert figure in details
 
 
-@pytest.mark.parametrize("agreeing", [1.0, 0.5])
-def test_few_corners_that_agree_are_too_few_to_judge_and_no_other_place(agreeing):
-    verdict, text = said(replace(GOOD, corners=29, agreement=agreeing))
+def test_few_corners_that_sit_are_too_few_to_judge_and_no_other_place():
+    verdict, text = said(replace(GOOD, corners=29, region_corners=25))
     assert verdict == "check"
     assert "too few corners of the photo to judge the camera (29)" in text and "another place" not in text
 
 
-@pytest.mark.parametrize(("corners", "agreement"), [(29, 0.1), (9, 1.0), (1, 1.0), (0, 0.0)])
-def test_few_corners_that_support_nothing_leave_the_camera_and_say_why(corners, agreement):
-    verdict, text = said(replace(GOOD, corners=corners, agreement=agreement, offset_px_of_photo=math.nan))
+@pytest.mark.parametrize("corners", [29, 9, 1, 0])
+def test_few_corners_that_support_nothing_leave_the_camera_and_say_why(corners):
+    nothing = {"agreement": 0.0, "offset_px_of_photo": math.nan, "region_corners": 0, "region_offset_px_of_photo": math.nan}
+    verdict, text = said(replace(GOOD, corners=corners, **nothing))
     assert verdict == "failed" and "too few corners" in text and "another place" not in text and "nan" not in text
 
 
-def test_many_corners_that_wander_off_are_another_place():
-    verdict, text = said(replace(GOOD, agreement=0.1))
-    assert verdict == "failed" and "Only 10 % of the photo's corners" in text and "another place" in text
+def test_corners_that_stay_nowhere_more_often_than_by_chance_are_another_place():
+    verdict, text = said(replace(GOOD, agreement=0.1, region_corners=0, region_area=0.0, region_offset_px_of_photo=math.nan))
+    assert verdict == "failed" and "No part of the photo sits" in text and "another place" in text
+
+
+def test_a_photo_most_of_which_is_hidden_is_trusted_by_the_part_that_is_not():
+    hidden = replace(GOOD, agreement=0.14, region_corners=80, region_area=0.2, offset_px_of_photo=20.0)
+    verdict, reasons = judge(hidden)
+    assert verdict == "trusted" and reasons[0] == "The splat sits on the photo to 0.8 px."
+
+
+@pytest.mark.parametrize(("offset", "share", "verdict"), [(3.0, 0.39, "trusted"), (3.4, 0.39, "failed"), (3.4, 0.5, "trusted")])
+def test_a_part_in_which_few_corners_stay_has_to_sit_exactly(offset, share, verdict):
+    """The photo is 4000 px long, so that 3.125 px of it are half a pixel at a long side of 640."""
+    assert judge(replace(GOOD, region_share=share, region_offset_px_of_photo=offset))[0] == verdict
 
 
 DOUBTS = {
-    "agreement": (0.3, "compare the two by eye"),
+    "region_corners": (30, "compare the two by eye"),
+    "region_area": (0.05, "sits on 5 % of the photo"),
+    "region_offset_px_of_photo": (5.5, "corners to 5.5 px"),
+    "unrivalled": (0.4, "repeats itself"),
     "views_used": (3, "Only 3 of the rendered views"),
     "inliers": (60, "Only 60 matches"),
     "coverage": (0.1, "cover 10 % of the photo"),
@@ -112,14 +134,16 @@ def test_a_figure_that_there_is_not_is_a_doubt(name):
     assert judge(replace(GOOD, **{name: math.inf}))[0] == "check"
 
 
-def test_a_wrong_number_is_no_agreement():
-    assert judge(replace(GOOD, agreement=math.nan))[0] != "trusted"
+@pytest.mark.parametrize("name", ["region_area", "region_offset_px_of_photo", "unrivalled"])
+def test_a_wrong_number_is_no_agreement(name):
+    assert judge(replace(GOOD, **{name: math.nan}))[0] != "trusted"
 
 
 @pytest.mark.parametrize(("photo", "rms", "verdict"), [(4000, 3.0, "trusted"), (4000, 3.2, "check"), (640, 0.99, "trusted")])
 def test_the_rms_has_one_threshold_whatever_the_photo(photo, rms, verdict):
     """One pixel of the photo at a long side of 1280, or of the photo itself where that is smaller."""
-    assert judge(replace(GOOD, photo_long_side_px=photo, rms_px_of_photo=rms))[0] == verdict
+    quality = replace(GOOD, photo_long_side_px=photo, rms_px_of_photo=rms, region_offset_px_of_photo=0.4)
+    assert judge(quality)[0] == verdict
 
 
 def solution(stage, long_side, rms_px):
@@ -133,9 +157,10 @@ def test_the_loop_and_the_last_stage_are_judged_in_the_same_pixels(stage, long_s
     photo = Intrinsics(5120, 2560, 4000.0, 4000.0, 2560.0, 1280.0)
     loop = Intrinsics(640, 320, 500.0, 500.0, 320.0, 160.0)
     views = [ViewMatches(Pose(), np.zeros((5, 2)), np.zeros((5, 2)), np.ones(5), np.ones(5))]
-    seen = FinalView(500, 0.8, 2.4, 0.9, 1.0)
+    seen = FinalView(500, 0.8, 2.4, 0.9, 1.0, Region(80, 0.7, 2.0, 0.3, 0.4, 0.3, 0.9), photo_px=8.0)
     quality = assess(solution(stage, long_side, rms_px), LoopMatches(views, loop, 2.0), seen, photo)
     assert quality.rms_px_of_photo == pytest.approx(2.4)
+    assert quality.region_offset_px_of_photo == pytest.approx(2.4) and quality.region_corners == 80
     assert quality.offset_px_of_photo == 2.4 and quality.pose == Pose() and quality.of == "refined"
     assert quality.disagreement_pct == pytest.approx(0.1)
 
