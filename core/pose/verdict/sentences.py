@@ -76,6 +76,25 @@ def start_kept(start: PoseQuality, refined: PoseQuality) -> str:
     )
 
 
+def two_places(distance_pct: float, degrees: float) -> str:
+    return (
+        f"Another camera, {per_cent(distance_pct)} of the distance to the scene and {degrees:.1f} degrees away, sits on the "
+        "photo as well; compare the two by eye."
+    )
+
+
+def tried_again(distance_pct: float, degrees: float, same: bool) -> str:
+    came = "the same camera" if same else "another camera"
+    return (
+        f"Because of a doubt the photo was tried again from a wider fan of views, which led to {came}, {distance_pct:.3f} % of "
+        f"the median depth and {degrees:.3f} degrees away; the better one counts."
+    )
+
+
+def tried_in_vain() -> str:
+    return "Because of a doubt the photo was tried again from a wider fan of views, which led to no camera."
+
+
 def few_views(q: PoseQuality) -> str:
     return f"Only {q.views_used} of the rendered views could be matched with the photo; {CLOSER}"
 

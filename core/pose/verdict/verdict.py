@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...geometry.camera import Intrinsics, Pose
+from ...geometry.camera import Intrinsics, Pose, pose_error
 from ..final.solution import FittedCamera
 from ..report import PoseQuality, Verdict
 from ..shared.corners import filled_cells
@@ -134,13 +134,47 @@ def _sits(q: PoseQuality, corners: int, area: float, offset_px: float) -> bool:
     return q.region_corners >= corners and q.region_area >= area and close
 
 
+def sits_well(q: PoseQuality) -> bool:
+    """Whether the render sits on so much of the photo that this leaves no doubt."""
+    return _sits(q, TRUSTED_CORNERS, TRUSTED_AREA, TRUSTED_OFFSET_PX)
+
+
+def is_unsettled(verdict: Verdict, quality: PoseQuality | None) -> bool:
+    """Whether there is a camera, and a doubt about it that other views of the splat may settle: the answer may be a wrong one,
+    or too few views or matches hold it. What the photo itself lacks, or its lens, no views can mend.
+    """
+    q = quality
+    if q is None or verdict == "trusted":
+        return False
+    apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
+    return q.of != "refined" or not sits_well(q) or not apart or q.views_used < TRUSTED_VIEWS or q.inliers < TRUSTED_INLIERS
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far apart two cameras of one photo are: per cent of the median depth, degrees."""
+
+    distance_pct: float
+    degrees: float
+
+    @classmethod
+    def of(cls, one: PoseQuality, other: PoseQuality) -> Apart:
+        distance, degrees = pose_error(one.pose, other.pose)
+        return cls(100 * distance / one.median_depth, degrees)
+
+    @property
+    def is_same(self) -> bool:
+        """Whether they are no farther apart than two halves of the views of a trusted one may be."""
+        return self.distance_pct <= TRUSTED_DISAGREEMENT_PCT and self.degrees <= TRUSTED_DISAGREEMENT_DEG
+
+
 def _doubts(q: PoseQuality) -> list[str]:
     # A comparison with NaN, which stands for an unknown figure, is false. Where an unknown figure is a reason for doubt, the
     # test is therefore written `not <=`.
     apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
     checks = [
         (q.corners < MIN_CORNERS, sentences.few_corners),
-        (not _sits(q, TRUSTED_CORNERS, TRUSTED_AREA, TRUSTED_OFFSET_PX), sentences.fits_in_part),
+        (not sits_well(q), sentences.fits_in_part),
         (not q.unrivalled >= TRUSTED_UNRIVALLED, sentences.repeats),
         (q.views_used < TRUSTED_VIEWS, sentences.few_views),
         (q.inliers < TRUSTED_INLIERS, sentences.few_matches),
@@ -160,10 +194,10 @@ def rms_px(q: PoseQuality) -> float:
 
 
 def fits_better(start: FinalView, refined: FinalView, margin: float) -> bool:
-    """Whether the start camera sits on the photo better than the refined one by `margin` (share of the corners), as far as
-    there are enough corners to tell.
+    """Whether the start camera sits on the photo better than the refined one by `margin` (share of the corners; a quarter of
+    its own where most of the photo is hidden), as far as there are enough corners to tell.
     """
-    return start.corners >= MIN_CORNERS and start.agreement > refined.agreement + margin
+    return start.corners >= MIN_CORNERS and start.agreement > refined.agreement + min(margin, start.agreement / 4)
 
 
 def _coverage(views: Sequence[ViewMatches], pinhole: Intrinsics) -> float:
