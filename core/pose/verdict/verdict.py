@@ -28,13 +28,13 @@ MIN_CORNERS = 30
 # pixels. Smaller parts support no pose; parts that leave no doubt are larger.
 SITS_CORNERS, SITS_AREA, SITS_OFFSET_PX = 12, 0.005, 1.0
 TRUSTED_CORNERS, TRUSTED_AREA, TRUSTED_OFFSET_PX = 40, 0.08, 0.75
-# Where the corners in place are fewer than this share of those there, they must sit this exactly: a mirrored photo matches the
-# back of a wallpaper with 39 % to 0.6 px.
-SITS_SHARE, EXACT_OFFSET_PX = 0.45, 0.5
+# Where fewer than this share of the corners there are in place, and less exactly than to so many pixels, the part is a weak
+# one: a mirrored photo matches the back of a wallpaper with 39 % to 0.6 px.
+WEAK_SHARE, WEAK_OFFSET_PX = 0.45, 0.5
 # All in pixels of the photo, reduced to this long side where it is larger.
 OFFSET_LONG_SIDE_PX = 640
 # A right pose at which fewer patches than this are shown best in their place is of a place that repeats itself.
-TRUSTED_UNRIVALLED = 0.6
+TRUSTED_UNRIVALLED = 0.7
 TRUSTED_VIEWS = 4
 TRUSTED_INLIERS = 100
 TRUSTED_COVERAGE = 0.25
@@ -118,7 +118,8 @@ def _render_evidence(pose: Pose, final: FinalView, photo: Intrinsics, depth: flo
 def judge(quality: PoseQuality) -> tuple[Verdict, tuple[str, ...]]:
     """The verdict on a pose that was found, and its reasons in plain words, the decisive one first."""
     q = quality
-    if not _sits(q, SITS_CORNERS, SITS_AREA, SITS_OFFSET_PX):
+    held = q.views_used >= TRUSTED_VIEWS and q.inliers >= TRUSTED_INLIERS
+    if not _sits(q, SITS_CORNERS, SITS_AREA, SITS_OFFSET_PX) or (_weak(q) and not held):
         sentence = sentences.too_few_corners if q.corners < MIN_CORNERS else sentences.another_place
         return "failed", (sentence(q),)
     doubts = _doubts(q)
@@ -129,14 +130,22 @@ def _sits(q: PoseQuality, corners: int, area: float, offset_px: float) -> bool:
     """Whether the render sits on a part of the photo with at least so many corners in place, over such a share of the photo, to
     `offset_px`.
     """
-    offset = q.region_offset_px_of_photo * min(1.0, OFFSET_LONG_SIDE_PX / q.photo_long_side_px)
-    close = offset <= (offset_px if q.region_share >= SITS_SHARE else EXACT_OFFSET_PX)
-    return q.region_corners >= corners and q.region_area >= area and close
+    return q.region_corners >= corners and q.region_area >= area and _offset_px(q) <= offset_px
+
+
+def _weak(q: PoseQuality) -> bool:
+    """Whether the part that sits is no evidence by itself, but only together with the matches that hold the camera."""
+    return not (q.region_share >= WEAK_SHARE or _offset_px(q) <= WEAK_OFFSET_PX)
+
+
+def _offset_px(q: PoseQuality) -> float:
+    """The offset where the render sits, in the unit of SITS_OFFSET_PX."""
+    return q.region_offset_px_of_photo * min(1.0, OFFSET_LONG_SIDE_PX / q.photo_long_side_px)
 
 
 def sits_well(q: PoseQuality) -> bool:
     """Whether the render sits on so much of the photo that this leaves no doubt."""
-    return _sits(q, TRUSTED_CORNERS, TRUSTED_AREA, TRUSTED_OFFSET_PX)
+    return _sits(q, TRUSTED_CORNERS, TRUSTED_AREA, TRUSTED_OFFSET_PX) and not _weak(q)
 
 
 def is_unsettled(verdict: Verdict, quality: PoseQuality | None) -> bool:
