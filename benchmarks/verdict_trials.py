@@ -3,10 +3,10 @@
     .venv/bin/python benchmarks/verdict_trials.py [--out TRIALS.json] [--workers N] [--judge-again]
 
 Every held-out photo of the scans in ../shared/scenes, from near to hopeless starts, as it is and spoilt: mirrored, 40 % of it
-covered, too dark, too bright, lit from one side, blurred, filled with a repeated texture, taken from the other scan, or of a
-place that was cut out of the scan. Prints the table of verdicts against the truth. A pose is right within 1 % of the median
-depth and 1 deg; a photo that is not of the place has no right pose. --judge-again applies the verdict's rules of today to the
-evidence in TRIALS.json.
+covered, most of it behind foreground objects, too dark, too bright, lit from one side, blurred, filled with a repeated
+texture, taken from the other scan, or of a place that was cut out of the scan. Prints the table of verdicts against the truth.
+A pose is right within 1 % of the median depth and 1 deg; a photo that is not of the place has no right pose. --judge-again
+applies the verdict's rules of today to the evidence in TRIALS.json.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, replace
 from pathlib import Path
@@ -31,6 +31,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 from real_scenes import SCENES, STARTS, Scan, start_camera
+from spoilers import NO_TRUTH, SPOILERS
 
 from core.cameras.files import read_cameras
 from core.geometry.camera import Camera, Pose, pose_error
@@ -45,54 +46,6 @@ from core.render import Renderer, RenderSettings
 RIGHT = (1.0, 1.0)  # per cent of the median depth, degrees
 ALL_STARTS = {**STARTS, "hopeless": (1.5, 90.0)}
 OTHER = {"fox": "monstree", "monstree": "fox"}
-Pixels = np.ndarray
-
-
-def covered(image: Pixels, rng: np.random.Generator) -> Pixels:
-    """40 % of the photo behind flat and noisy rectangles."""
-    out, h, w = image.copy(), *image.shape[:2]
-    hidden = np.zeros((h, w), bool)
-    while hidden.mean() < 0.4:
-        y, x = rng.integers(0, h), rng.integers(0, w)
-        box = np.s_[y : y + rng.integers(h // 8, h // 3), x : x + rng.integers(w // 8, w // 3)]
-        hidden[box] = True
-        out[box] = np.clip(rng.integers(0, 255, 3) + rng.normal(0, 20, out[box].shape), 0, 255)
-    return out
-
-
-def repeated(image: Pixels, rng: np.random.Generator) -> Pixels:
-    """A patch of the photo laid out like tiles over all of it."""
-    h, w = image.shape[:2]
-    size = min(h, w) // 6
-    y, x = rng.integers(0, h - size), rng.integers(0, w - size)
-    tiled = np.tile(image[y : y + size, x : x + size], (h // size + 1, w // size + 1, 1))
-    return np.ascontiguousarray(tiled[:h, :w])
-
-
-def curve(gain: float, gamma: float) -> Callable[[Pixels, np.random.Generator], Pixels]:
-    return lambda image, _: np.clip(255 * gain * (image / 255.0) ** gamma, 0, 255).astype(np.uint8)
-
-
-def lit_from_one_side(image: Pixels, _: np.random.Generator) -> Pixels:
-    light = np.linspace(0.08, 1.8, image.shape[1])
-    return np.clip(image * light[:, None], 0, 255).astype(np.uint8)
-
-
-SPOILERS: dict[str, Callable[[Pixels, np.random.Generator], Pixels]] = {
-    "as it is": lambda image, _: image,
-    "40 % covered": covered,
-    "dark": curve(0.35, 1.3),
-    "very dark": curve(0.06, 1.0),
-    "bright": curve(1.6, 0.8),
-    "blown out": curve(3.0, 0.7),
-    "lit from one side": lit_from_one_side,
-    "blurred": lambda image, _: cv2.GaussianBlur(image, (0, 0), 2.0 * max(image.shape) / 640),
-    "mirrored": lambda image, _: np.ascontiguousarray(image[:, ::-1]),
-    "repeated texture": repeated,
-    "other scan": lambda image, _: image,
-    "cut out of the scan": lambda image, _: image,
-}
-NO_TRUTH = {"mirrored", "repeated texture", "other scan", "cut out of the scan"}
 CUT_MARGIN = 0.1  # of the image's sides, beyond which the scan is left as it is
 
 
@@ -127,7 +80,7 @@ def run(scan: Scan, spoiler: str, start: str, seed: int) -> Iterator[dict[str, o
         if spoiler == "other scan":
             other = others[index % len(others)]
             source, camera = SCENES / OTHER[scan.name] / other.file, replace(camera, intrinsics=other.intrinsics)
-        photo = Photo(SPOILERS[spoiler](read_photo(source).pixels, np.random.default_rng(index)))
+        photo = Photo(SPOILERS[spoiler](read_photo(source).pixels, np.random.default_rng(index), scan.name))
         renderer = without(scan, truth) if spoiler == "cut out of the scan" else scan.renderer
         report = refine(renderer, photo, camera, RefineSettings(seed=seed, threads=1))
         # what "failed" held back counts too, or the verdict would look better for holding back right poses

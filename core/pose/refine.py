@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from ..features.frontend import Frontend, make_frontend
-from ..geometry.camera import Camera, Intrinsics
+from ..geometry.camera import Camera, Intrinsics, Pose
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
@@ -25,16 +25,32 @@ from .settings import RefineSettings
 from .shared.lens import CameraUnknowns, LensPrior
 from .shared.working import WorkingPhoto
 from .verdict import sentences
-from .verdict.verdict import LoopMatches, assess, assess_start, fits_better, judge
+from .verdict.verdict import (
+    Apart,
+    LoopMatches,
+    assess,
+    assess_start,
+    fits_better,
+    is_unsettled,
+    judge,
+    sits_well,
+)
 from .verdict.verify import FinalView, view_at
 
 log = logging.getLogger(__name__)
 
 Progress = Generator[RefineProgress, None, "RefineReport"]
+# What a run adds to, and draws from: the records of all iterations, and random numbers.
+_Work = tuple[list[IterationRecord], np.random.Generator]
 
 MIN_PHOTO_FEATURES = 30
 # The start is kept where the refined camera agrees with fewer of the photo's corners by more than this share.
 WORSE_AGREEMENT = 0.05
+# Most further runs where a doubt is left, and the share of the progress that is done by then.
+MORE_TRIES = 2
+DONE = 0.97
+# From the worst to the best.
+VERDICTS: tuple[Verdict, ...] = ("failed", "check", "trusted")
 
 
 def refine(
@@ -72,14 +88,33 @@ def _refine_with(
         reason = f"The photo shows only {len(features)} features; it is too dark, blurred or plain to be placed."
         return refinement.report(None, _Judgement("failed", (reason,)), records, began)
     rng = np.random.default_rng(settings.seed)
-    result = yield from loop.run(features, camera.pose, records, rng)
-    answer = result.answer
-    if answer is None:
-        return refinement.report(None, _Judgement("failed", (result.problem,), result.details), records, began)
-    solution, agreement = yield from refinement.finish(features, answer, len(records), rng)
-    judgement = refinement.judge(answer, solution, agreement, result)
-    refined = refinement.full_size(solution.camera) if judgement.is_of("refined") else None
+    tried = yield from refinement.tried(loop, features, camera.pose, (records, rng))
+    tried = yield from refinement.tried_again(loop, features, tried, (records, rng))
+    judgement, solution = tried.judgement, tried.solution
+    refined = refinement.full_size(solution.camera) if solution and judgement.is_of("refined") else None
     return refinement.report(refined, judgement, records, began, None if judgement.is_of("start") else solution)
+
+
+def _later(progress: RefineProgress, done: float) -> RefineProgress:
+    """The progress of a further run, which begins when `done` (0..1) of the whole is."""
+    return replace(progress, fraction=done + (1 - DONE) / MORE_TRIES * progress.fraction)
+
+
+def _better(best: _Try, other: _Try) -> tuple[_Try, bool]:
+    """The better of two runs, with what the other one came to among its details, and whether both found the same camera."""
+    winner, loser = (other, best) if other.merit > best.merit else (best, other)
+    judgement, quality, beaten = winner.judgement, winner.judgement.quality, loser.judgement.quality
+    if quality is None or beaten is None:
+        note, same = sentences.tried_in_vain(), False
+    else:
+        apart = Apart.of(quality, beaten)
+        note, same = sentences.tried_again(apart.distance_pct, apart.degrees, apart.is_same), apart.is_same
+        if not same and judgement.verdict != "failed" and sits_well(beaten):
+            reasons = tuple(r for r in judgement.reasons if judgement.verdict == "check")
+            judgement = replace(
+                judgement, verdict="check", reasons=(sentences.two_places(apart.distance_pct, apart.degrees), *reasons)
+            )
+    return replace(winner, judgement=replace(judgement, details=(*judgement.details, note))), same
 
 
 def solves_lens(settings: RefineSettings, camera: Camera) -> bool:
@@ -102,6 +137,21 @@ class _Judgement:
 
 
 @dataclass(frozen=True)
+class _Try:
+    """One run of loop and last stage: the verdict on what it found, that itself, and what the loop came to."""
+
+    judgement: _Judgement
+    solution: FittedCamera | None
+    loop: LoopResult
+
+    @property
+    def merit(self) -> tuple[int, int]:
+        """Greater for the better of two: by the verdict, then by how much of the photo the render sits on."""
+        quality = self.judgement.quality
+        return VERDICTS.index(self.judgement.verdict), quality.region_corners if quality else 0
+
+
+@dataclass(frozen=True)
 class _Refinement:
     """One refinement's inputs, and what is made of them after the loop: last stage, verdict and report."""
 
@@ -114,6 +164,43 @@ class _Refinement:
     def solves_lens(self) -> bool:
         return solves_lens(self.settings, self.start)
 
+    def tried(
+        self, loop: Loop, photo: PhotoFeatures, start: Pose, work: _Work, first: LoopResult | None = None
+    ) -> Generator[RefineProgress, None, _Try]:
+        """One run from `start`; `first`: what the run from the start camera came to, where this is another one."""
+        records, rng = work
+        result = yield from loop.run(photo, start, records, rng)
+        answer = result.answer
+        if answer is None:
+            return _Try(_Judgement("failed", (result.problem,), result.details), None, result)
+        solution, final = yield from self.finish(photo, answer, len(records), rng)
+        return _Try(self.judge(answer, solution, final, first or result), solution, result)
+
+    def tried_again(self, loop: Loop, photo: PhotoFeatures, first: _Try, work: _Work) -> Generator[RefineProgress, None, _Try]:
+        """`first`, or, where more views may settle the doubts about it, the better of it and of further runs, each from a wide
+        fan of other views. They end where a run comes to the same camera again, or leaves no doubt.
+        """
+        best = first
+        for number, start in enumerate(self._other_starts(first)):
+            done = DONE + (1 - DONE) * number / MORE_TRIES
+            again = self.tried(replace(loop, wide=True), photo, start, work, first.loop)
+            other = yield from converted(again, partial(_later, done=done))
+            best, same = _better(best, other)
+            if same or not is_unsettled(best.judgement.verdict, best.judgement.quality):
+                break
+        return best
+
+    def _other_starts(self, first: _Try) -> list[Pose]:
+        """Where further runs begin: at the camera that was found, if the lens is known and the camera may be right, and at the
+        start camera.
+        """
+        quality = first.judgement.quality
+        if not self.settings.has_final_stage or not is_unsettled(first.judgement.verdict, quality):
+            return []
+        known = not self.solves_lens and first.judgement.is_of("refined") and first.solution is not None
+        found = [first.solution.camera.pose] if known and first.solution else []
+        return [*found, self.start.pose][:MORE_TRIES]
+
     def finish(
         self, photo: PhotoFeatures, answer: Answer, iterations: int, rng: np.random.Generator
     ) -> Generator[RefineProgress, None, tuple[FittedCamera, FinalView]]:
@@ -122,7 +209,7 @@ class _Refinement:
         solution: FittedCamera | None = None
         if self.settings.has_final_stage:
             solution = yield from self._final(answer, iterations, rng)
-        yield RefineProgress(iterations, self.settings.iterations, "checking the answer", 0.97)
+        yield RefineProgress(iterations, self.settings.iterations, "checking the answer", DONE)
         if solution is None:
             prior = LensPrior.of(self.start)
             loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, prior)
@@ -143,7 +230,7 @@ class _Refinement:
         def progress(step: str) -> RefineProgress:
             nonlocal fraction
             # The number of passes is not known beforehand, so that each step takes a share of what is left.
-            fraction += 0.05 * (0.97 - fraction)
+            fraction += 0.05 * (DONE - fraction)
             return RefineProgress(iterations, self.settings.iterations, step, fraction)
 
         return (yield from converted(work, progress))

@@ -44,7 +44,7 @@ def test_blender_waits_little_for_the_interpreter_while_the_work_runs_and_no_mor
         return (yield from work(inputs))
 
     monkeypatch.setattr(extension("gssmc_addon.refine.job"), "refinement", watched)
-    bpy.ops.gssmc.refine()
+    bpy.ops.gssmc.refine(locate=False)
     assert seen[0] < 0.001 < before
     assert sys.getswitchinterval() == before
 
