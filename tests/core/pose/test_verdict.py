@@ -79,6 +79,11 @@ def test_corners_that_stay_nowhere_more_often_than_by_chance_are_another_place()
     assert verdict == "failed" and "No part of the photo sits" in text and "another place" in text
 
 
+def test_corners_that_chance_would_leave_in_place_as_well_support_nothing():
+    assert judge(replace(GOOD, region_corners=60, region_expected=20.0))[0] == "trusted"
+    assert judge(replace(GOOD, region_corners=30, region_expected=20.0))[0] == "failed"
+
+
 def test_a_photo_most_of_which_is_hidden_is_trusted_by_the_part_that_is_not():
     hidden = replace(GOOD, agreement=0.14, region_corners=80, region_area=0.2, offset_px_of_photo=20.0)
     verdict, reasons = judge(hidden)
