@@ -49,6 +49,8 @@ WORSE_AGREEMENT = 0.05
 # Most further runs where a doubt is left, and the share of the progress that is done by then.
 MORE_TRIES = 2
 DONE = 0.97
+# Most iterations of a further run: one from the wide fan, one that settles, one more.
+TRY_ITERATIONS = 3
 # From the worst to the best.
 VERDICTS: tuple[Verdict, ...] = ("failed", "check", "trusted")
 
@@ -181,9 +183,10 @@ class _Refinement:
         fan of other views. They end where a run comes to the same camera again, or leaves no doubt.
         """
         best = first
+        few = replace(self.settings, iterations=min(self.settings.iterations, TRY_ITERATIONS))
         for number, start in enumerate(self._other_starts(first)):
             done = DONE + (1 - DONE) * number / MORE_TRIES
-            again = self.tried(replace(loop, wide=True), photo, start, work, first.loop)
+            again = self.tried(replace(loop, settings=few, wide=True), photo, start, work, first.loop)
             other = yield from converted(again, partial(_later, done=done))
             best, same = _better(best, other)
             if same or not is_unsettled(best.judgement.verdict, best.judgement.quality):

@@ -48,8 +48,8 @@ def _few_corners(q: PoseQuality) -> str:
 
 def another_place(q: PoseQuality) -> str:
     return (
-        "No part of the photo sits on the splat beyond what chance explains; the photo may show another place, or the start "
-        f"was too far off; {CLOSER}"
+        "No part of the photo sits on the splat clearly beyond chance; the photo may show another place, or the start was too "
+        f"far off; {CLOSER}"
     )
 
 

@@ -28,6 +28,8 @@ MIN_CORNERS = 30
 # pixels. Smaller parts support no pose; parts that leave no doubt are larger.
 SITS_CORNERS, SITS_AREA, SITS_OFFSET_PX = 12, 0.005, 1.0
 TRUSTED_CORNERS, TRUSTED_AREA, TRUSTED_OFFSET_PX = 40, 0.08, 0.75
+# And with at least so many times the corners that chance would leave in place over the whole photo.
+BEYOND_CHANCE = 2.0
 # Where fewer than this share of the corners there are in place, and less exactly than to so many pixels, the part is a weak
 # one: a mirrored photo matches the back of a wallpaper with 39 % to 0.6 px.
 WEAK_SHARE, WEAK_OFFSET_PX = 0.45, 0.5
@@ -122,10 +124,11 @@ def judge(quality: PoseQuality) -> tuple[Verdict, tuple[str, ...]]:
 
 
 def _sits(q: PoseQuality, corners: int, area: float, offset_px: float) -> bool:
-    """Whether the render sits on a part of the photo with at least so many corners in place, over such a share of the photo, to
-    `offset_px`.
+    """Whether the render sits on a part of the photo with at least so many corners in place, far more than by chance, over such
+    a share of the photo, to `offset_px`.
     """
-    return q.region_corners >= corners and q.region_area >= area and _offset_px(q) <= offset_px
+    enough = q.region_corners >= max(corners, BEYOND_CHANCE * q.region_expected)
+    return enough and q.region_area >= area and _offset_px(q) <= offset_px
 
 
 def _weak(q: PoseQuality) -> bool:

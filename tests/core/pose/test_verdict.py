@@ -81,6 +81,11 @@ def test_corners_that_stay_nowhere_more_often_than_by_chance_are_another_place()
     assert verdict == "failed" and "No part of the photo sits" in text and "another place" in text
 
 
+def test_corners_that_chance_would_leave_in_place_as_well_support_nothing():
+    assert judge(replace(GOOD, region_corners=60, region_expected=20.0))[0] == "trusted"
+    assert judge(replace(GOOD, region_corners=30, region_expected=20.0))[0] == "failed"
+
+
 def test_a_photo_most_of_which_is_hidden_is_trusted_by_the_part_that_is_not():
     hidden = replace(GOOD, agreement=0.14, region_corners=80, region_area=0.2, offset_px_of_photo=20.0)
     verdict, reasons = judge(hidden)
@@ -101,7 +106,7 @@ def test_what_other_views_may_settle_is_told_from_what_the_photo_lacks():
     for name, value in unsettled.items():
         quality = replace(GOOD, **{name: value})
         assert is_unsettled(judge(quality)[0], quality), name
-    for name, value in {"coverage": 0.1, "lens_gain_pct": 40.0, "focal_std_pct": 2.0}.items():
+    for name, value in {"coverage": 0.1, "lens_shift_pct": 4.0, "focal_std_pct": 2.0}.items():
         quality = replace(GOOD, **{name: value})
         assert judge(quality)[0] == "check" and not is_unsettled("check", quality), name
     assert not is_unsettled("trusted", GOOD) and not is_unsettled("failed", None)
