@@ -24,7 +24,7 @@ from .text import (
     read_lines,
     usable_numbers,
 )
-from .types import PosedFrame, PoseSet, Split, pose_set, short
+from .types import PosedFrame, PoseSet, Split, lens_of_file, pose_set, short
 
 IMAGES, CAMERAS, POINTS = "images.txt", "cameras.txt", "points3D.txt"
 PLACES = (".", "sparse/0", "sparse")
@@ -124,7 +124,7 @@ def lens_of(model: str, values: list[float], where: str) -> Intrinsics | None:
     fx, fy = (named.get(name, named.get("f", 0.0)) for name in ("fx", "fy"))
     k1, k2, p1, p2, k3 = (named.get(name, 0.0) for name in DISTORTION)
     try:
-        return Intrinsics(int(width), int(height), fx, fy, named["cx"], named["cy"], (k1, k2, p1, p2, k3))
+        return lens_of_file(Intrinsics(int(width), int(height), fx, fy, named["cx"], named["cy"], (k1, k2, p1, p2, k3)))
     except CameraError as error:
         raise DatasetError(f"{where} cannot be used: {error}") from None
 
