@@ -54,10 +54,10 @@ class QueryPhoto:
 
 
 def lens_of_file(lens: Intrinsics) -> Intrinsics:
-    """The lens that a camera file tells, as it is. Every reader asks this: it raises CameraError where no photo has its size."""
+    """The lens that a camera file tells, as it is: every reader asks this. Raises CameraError where no photo has its size."""
     problem = size_problem(lens.width, lens.height)
     if problem:
-        raise CameraError(f"The camera's image is {lens.width} x {lens.height} pixels; {problem}, so correct its width and height.")
+        raise CameraError(f"The camera's image is {lens.width} x {lens.height} pixels; {problem}, so correct its size.")
     return lens
 
 
