@@ -77,6 +77,10 @@ def stamp(path: Path) -> Stamp:
 def scan_file_digest(path: Path) -> str:
     """Digest of a splat file: its size, the time of its last change, and BLOCKS blocks spread over its content, both ends
     among them. Raises SplatFormatError when it cannot be read.
+
+    A map of the scan is kept under `locate.scan_digest`, of the Gaussians themselves, because Blender has them without a file.
+    This one takes some milliseconds whatever the scan's size, where that one needs the whole scan read first: a batch that is
+    finished, or whose photos all have starts, need not read it at all in its own process.
     """
     digest = hashlib.sha256()
     try:
