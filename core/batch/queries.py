@@ -70,9 +70,10 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate:
         Unplaced(query.name, query.intrinsics) if i is None else Camera(query.intrinsics, starts.frames[i].pose, query.name)
         for query, i in pairs
     ]
-    what = "are searched for without one" if locate else "are left out"
-    said = f"{found.count(None)} of {len(wanted)} test photos have no start pose in '{start.name}' and {what}."
-    return BatchPhotos(cameras, [query.photo.resolve() for query, _ in pairs], (said,) if None in found else ())
+    lacking = f"{found.count(None)} of {counted(len(wanted), 'test photo')}"
+    what = "searched for" if locate else "left out"
+    note = f"'{start.name}' has no start pose for {lacking}; without one, a photo is {what}."
+    return BatchPhotos(cameras, [query.photo.resolve() for query, _ in pairs], (note,) if None in found else ())
 
 
 def _from_cameras(file: Path, start: Path | None, focal: float | None, locate: bool) -> BatchPhotos:

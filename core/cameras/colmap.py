@@ -12,6 +12,7 @@ from pathlib import Path
 from ..errors import CameraError, DatasetError
 from ..geometry.camera import Camera, Intrinsics
 from ..support.atomic import atomic_write
+from ..support.words import counted
 from . import colmap_binary
 from .pose_list import pose_columns
 from .text import (
@@ -148,7 +149,9 @@ def _image_lines(path: Path) -> Iterator[tuple[str, list[str], str]]:
             continue
         columns = line.split(maxsplit=COLUMNS - 1)
         if len(columns) < COLUMNS:
-            raise DatasetError(f"{where} has {len(columns)} columns; it should hold id qw qx qy qz tx ty tz camera name.")
+            raise DatasetError(
+                f"{where} has {counted(len(columns), 'column')}; it should hold id qw qx qy qz tx ty tz camera name."
+            )
         expect_points = True
         yield where, columns, columns[-1].strip()
 

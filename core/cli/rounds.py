@@ -18,6 +18,7 @@ from ..pose.settings import RefineSettings
 from ..processes.pool import Pool
 from ..splats import read_splats
 from ..support.scratch import ScratchFolder
+from ..support.words import counted
 from .console import message
 from .maps import MapFlags, whole_map
 from .progress import ProgressBar
@@ -49,7 +50,7 @@ class Rounds:
         if to_find and self.flags is not None:
             self._find(self.flags, first, to_find, _Round(queries, store), said)
         if said.dropped:
-            message(f"Left out {said.dropped} Gaussians of the scan whose values are NaN or infinite.")
+            message(f"Left out {counted(said.dropped, 'Gaussian')} of the scan, for a value that is NaN or infinite.")
 
     def _find(self, flags: MapFlags, first: dict[str, Any], to_find: list[int], work: _Round, said: _Said) -> None:
         """Makes sure that there is a map, and hands it to all workers as a file that nobody else writes to."""

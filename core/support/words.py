@@ -1,4 +1,4 @@
-"""Numbers in sentences."""
+"""Numbers in sentences, which people read."""
 
 from __future__ import annotations
 

@@ -25,9 +25,9 @@ from ...pose.settings import RefineSettings
 from ...splats import check_splat_file
 from ...support.words import counted
 from ..console import message, say
-from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
-from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..outcome import FAILED_VERDICT, OK, Outcome, has_camera
 from ..paths import check_outputs
 from ..rounds import TO_FIND, Rounds
 
@@ -44,13 +44,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     source = "camera JSON: each record is the start of its 'file' (relative to this JSON), or a name; or a data set's folder"
     parser.add_argument("queries", type=Path, metavar="SOURCE", help=source)
     parser.add_argument("--start", type=Path, metavar="POSES.txt", help="start poses of a folder's test photos (any pose file)")
-    parser.add_argument("--focal", type=float, metavar="PX", help="focal length of a folder's photos (7-Scenes: 525)")
+    parser.add_argument("--focal", type=number, metavar="PX", help="focal length of a folder's photos (7-Scenes: 525)")
     parser.add_argument("--preset", choices=list(PRESETS), help="the paper's settings; the scan's unit must be the metre")
     parser.add_argument("--out", type=Path, required=True, metavar="RESULTS.json", help="results, in the order of the queries")
     parser.add_argument("--poses", type=Path, metavar="OUT.txt", help="also write lines of name qw qx qy qz tx ty tz")
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     workers = os.cpu_count() or 1
-    parser.add_argument("--workers", type=int, default=workers, metavar="N", help=f"processes, each holds the scan ({workers})")
+    workers_help = f"processes, each holds the scan ({workers})"
+    parser.add_argument("--workers", type=whole_number, default=workers, metavar="N", help=workers_help)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser, skip=("threads",))
     return parser
@@ -105,7 +106,7 @@ def _say_lost(records: Sequence[Record], out: Path) -> None:
 
 def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], records: Sequence[Record]) -> Outcome:
     """The outcome, of the photos that have a camera; the poses are written where they are asked for."""
-    placed = [i for i, record in enumerate(records) if record["R"] is not None and "width" in record]
+    placed = [i for i, record in enumerate(records) if has_camera(record)]
     cameras = tuple(camera_from_dict(records[i]) for i in placed)
     if args.poses is not None:
         tried = [camera for i, camera in zip(placed, cameras, strict=True) if "error" not in records[i]]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from math import isfinite
 
+from ...support.words import counted
 from ..report import PoseQuality
 
 CLOSER = "move the camera closer to the photo's view and refine again."
@@ -34,7 +35,7 @@ def trusted(q: PoseQuality) -> tuple[str, ...]:
         fits = f"The splat sits on the photo to {pixels(q.offset_px_of_photo)}."
     else:
         fits = f"Of the photo's corners {share(q.agreement)} sit where the splat shows them."
-    return fits, f"{q.views_used} views of the splat from around it lead to the same camera."
+    return fits, f"{counted(q.views_used, 'view')} of the splat from around it lead to the same camera."
 
 
 def too_few_corners(q: PoseQuality) -> str:
@@ -72,7 +73,7 @@ def few_views(q: PoseQuality) -> str:
 
 
 def few_matches(q: PoseQuality) -> str:
-    return f"Only {q.inliers} matches hold the camera; a sharper photo or a closer start gives more."
+    return f"Few matches hold the camera ({q.inliers}); a sharper photo or a closer start gives more."
 
 
 def uncovered(q: PoseQuality) -> str:
@@ -115,9 +116,9 @@ def details(q: PoseQuality) -> tuple[str, ...]:
     """The figures behind a verdict, as far as they are known."""
     said = [_agreement(q)]
     if q.inliers and isfinite(q.rms_px_of_photo):
+        matches = f"{counted(q.inliers, 'match', 'matches')} in {counted(q.views_used, 'view')}"
         said.append(
-            f"{q.inliers} matches in {q.views_used} views, over {share(q.coverage)} of the photo, have an epipolar RMS of "
-            f"{q.rms_px_of_photo:.2f} px of the photo."
+            f"The epipolar RMS of {matches}, over {share(q.coverage)} of the photo, is {q.rms_px_of_photo:.2f} px of the photo."
         )
     if isfinite(q.disagreement_pct) and isfinite(q.disagreement_deg):
         said.append(
@@ -138,4 +139,4 @@ def details(q: PoseQuality) -> tuple[str, ...]:
 def _agreement(q: PoseQuality) -> str:
     whose = {"refined": "the refined camera", "start": "the start camera", "rejected": "the camera that was found"}[q.of]
     offset = f", with a median offset of {q.offset_px_of_photo:.2f} px of the photo" if isfinite(q.offset_px_of_photo) else ""
-    return f"{share(q.agreement)} of {q.corners} corners of the photo sit on the render through {whose}{offset}."
+    return f"{share(q.agreement)} of {counted(q.corners, 'corner')} of the photo sit on the render through {whose}{offset}."

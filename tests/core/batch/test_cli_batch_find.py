@@ -165,7 +165,7 @@ def test_a_batch_interrupted_before_the_search_searches_the_next_time(place, tmp
     capsys.readouterr()
     hurt_readers(tmp_path / "hook", monkeypatch)
     assert batch(place, file, out, *VIEWS) == 0
-    assert "1 of 2 photos were finished before" in capsys.readouterr().err
+    assert "1 of 2 photos was finished before" in capsys.readouterr().err
     second = frames(out)
     assert second[1] == first[1]
     assert near(second[0], place.truths[0])

@@ -1,5 +1,6 @@
 """The command line as a user meets it: files in, files out, exit codes, and one sentence for every mistake."""
 
+import argparse
 import json
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from core.cameras.files import camera_from_dict
 from core.cli.commands.render import output_names
 from core.cli.flags import settings_from
 from core.cli.main import build_parser, main
+from core.errors import UsageError
 from core.features.registry import EXTRACTORS, MATCHERS
 from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
 from core.pose.settings import RefineSettings
@@ -257,6 +259,9 @@ def mistakes(place, tmp):
         "features without a model": ([*refine, "--features", "aliked"], "ALIKED needs a model file"),
         "model that is not there": ([*refine, "--features", "aliked", "--model", tmp / "no.onnx"], "There is no model file at"),
         "model that is none": ([*refine, "--features", "aliked", "--model", tmp / "text.jpg"], "'text.jpg' does not work"),
+        "model for SIFT": ([*refine, "--model", tmp / "text.jpg"], "SIFT needs no model file, and 'text.jpg' is given"),
+        "model for ORB": ([*refine, "--features", "orb", "--model", tmp / "no.onnx"], "ORB needs no model file"),
+        "model of no matcher": ([*refine, "--matcher-model", tmp / "text.jpg"], "Nearest needs no model file"),
         "missing scene": (["refine", tmp / "no.ply", photo, "--camera", cam], "There is no splat file at"),
         "mesh": (["refine", tmp / "mesh.ply", photo, "--camera", cam], "holds a mesh"),
         "missing photo": (["refine", scene, tmp / "no.jpg", "--camera", cam], "There is no photo at"),
@@ -283,6 +288,25 @@ def test_every_mistake_gets_exit_2_and_one_sentence(place, tmp_path, capsys):
         assert out == ""
         assert words in one_sentence(err), err
         assert not (tmp_path / "out").exists(), argv
+
+
+def test_every_number_is_asked_for_in_one_sentence():
+    """Of every command's options; Python takes "nan" for a number."""
+    subparsers = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
+    checked = set()
+    for name, parser in subparsers.choices.items():
+        for action in parser._actions:
+            value = action.type("3") if action.option_strings and action.type else None
+            if not isinstance(value, int | float):
+                continue
+            kind = "whole number" if isinstance(value, int) else "number"
+            for text in ("x", "nan", "inf", "", "1e999", "-inf"):
+                with pytest.raises(UsageError) as caught:
+                    parser.parse_args([f"{action.option_strings[0]}={text}"])
+                assert str(caught.value).startswith(f"{action.option_strings[0]}: '{text}' is no {kind}; give one, such as ")
+                assert str(caught.value).endswith(f"; see 'python -m core {name} --help'.")
+            checked.add((name, action.option_strings[0]))
+    assert {("batch", "--focal"), ("batch", "--workers"), ("map", "--views"), ("render", "--near")} < checked
 
 
 def test_a_folder_that_cannot_be_written_to_is_named(place, tmp_path, capsys):
