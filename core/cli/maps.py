@@ -15,6 +15,7 @@ from ..locate.known_cameras import read_known
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
 from ..splats import GaussianScene
+from ..support.atomic import check_writable
 from ..support.words import counted
 from .console import message
 from .flags import whole_number
@@ -75,6 +76,17 @@ class MapFlags:
     def word(self) -> str:
         """What of the flags an answer depends on, as one word."""
         return map_key("", self.settings, self.known)
+
+    def check_writable(self) -> None:
+        """Raises UsageError, before any view is drawn, where no file can be written that would keep the map."""
+        files, reasons = self.place.files(""), []
+        for file in files:
+            try:
+                check_writable(file)
+                return
+            except OSError as error:
+                reasons.append(error.strerror)
+        raise UsageError(f"The map cannot be written to '{files[0]}' ({reasons[0]}); give another file with --map.")
 
     def cache(self, scene: GaussianScene) -> MapCache:
         return MapCache(scene, self.place, self.settings, self.known)

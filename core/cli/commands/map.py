@@ -31,6 +31,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> Outcome:
     check_outputs({"--map": args.map}, {"the scan": args.scene, "the known cameras": args.cameras})
     flags = MapFlags(args, args.threads)
+    flags.check_writable()
     scene = read_splats(args.scene)
     say_dropped(scene)
     cache = flags.cache(scene)
@@ -57,7 +58,7 @@ def _end(cache: MapCache, made: LandmarkMap, interrupted: bool) -> Outcome:
             message(f"Interrupted; the map in '{file}' has {views} and can be used, and continued.")
         return Outcome(INTERRUPTED)
     if file is None:
-        raise GssmcError(f"The map cannot be written to '{cache.files[0]}'; give another file with --map.")
+        raise GssmcError("The map was made and could not be kept; make room, or give another file with --map.")
     known = [view for view in made.views if view.known]
     blind = sum(len(view) == 0 for view in known)
     if blind:

@@ -185,13 +185,28 @@ def test_a_map_is_kept_where_it_is_told(place, tmp_path, capsys, monkeypatch):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["home", "in", "s.ply"]
 
 
-def test_a_map_that_cannot_be_written_is_one_sentence(place, tmp_path, capsys):
+def test_a_map_that_cannot_be_written_is_one_sentence_before_any_view(place, tmp_path, capsys, builds, monkeypatch):
     (tmp_path / "file").write_text("")
-    code, out, err = run(
-        capsys, "map", place.scene, "--cameras", place.known, *VIEWS, "--map", tmp_path / "file" / "m.gssmc-map"
-    )
+    code, out, err = run(capsys, "map", place.scene, *VIEWS, "--map", tmp_path / "file" / "m.gssmc-map")
+    assert (code, out, builds) == (2, "", [])
+    assert err.startswith("The map cannot be written to") and err.count("\n") == 1
+    assert err.strip().endswith("give another file with --map.")
+    monkeypatch.setattr(cache, "user_cache_folder", lambda: tmp_path / "file" / "gssmc")
+    assert run(capsys, "map", place.scene, *VIEWS, "--map-cache", "user")[0] == 2
+    assert builds == []
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
+
+
+def test_a_map_that_cannot_be_kept_in_the_end_is_told_once(place, tmp_path, capsys, monkeypatch, caplog):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(cache, "write_map", full)
+    monkeypatch.setattr(cache, "SAVE_EVERY", 1)
+    code, out, err = run(capsys, "map", place.scene, "--cameras", place.known, *VIEWS, "--map", tmp_path / "m.gssmc-map")
     assert (code, out) == (2, "")
-    assert err.strip().splitlines()[-1].startswith("The map cannot be written to")
+    assert caplog.text.count("cannot be written") == 1
+    assert err.strip().splitlines()[-1] == "The map was made and could not be kept; make room, or give another file with --map."
 
 
 def test_ctrl_c_keeps_the_smaller_map_and_says_so(place, tmp_path, capsys, monkeypatch, builds):
