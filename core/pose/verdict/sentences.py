@@ -11,6 +11,23 @@ from ...support.words import counted
 from ..report import PoseQuality
 
 CLOSER = "move the camera closer to the photo's view and refine again."
+SEARCH_ON = "try more views of the scan, known cameras, or another photo."
+# Of each sentence that speaks of a start: these words, and those for a camera that nobody had placed.
+WITHOUT_START = {
+    CLOSER: SEARCH_ON,
+    "turn it towards the scene and refine again.": SEARCH_ON,
+    ", or the start was too far off": "",
+    ", or the start is too far off": "",
+    "a sharper photo or a closer start gives more.": "a sharper photo gives more.",
+    "The start camera": "The camera of the first guess",
+}
+
+
+def without_start(reason: str) -> str:
+    """A reason as it is to be said of a photo that was searched for without a start: whoever reads it has none to change."""
+    for words, others in WITHOUT_START.items():
+        reason = reason.replace(words, others)
+    return reason
 
 
 def pixels(value: float) -> str:
@@ -73,7 +90,8 @@ def few_views(q: PoseQuality) -> str:
 
 
 def few_matches(q: PoseQuality) -> str:
-    return f"Few matches hold the camera ({q.inliers}); a sharper photo or a closer start gives more."
+    hold = f"{counted(q.inliers, 'match', 'matches')} {'holds' if q.inliers == 1 else 'hold'}"
+    return f"Only {hold} the camera; a sharper photo or a closer start gives more."
 
 
 def uncovered(q: PoseQuality) -> str:

@@ -12,7 +12,9 @@ from cli_place import FAST, SIZE, Place
 from core.cameras.files import camera_from_dict
 from core.cli.main import main
 from core.geometry.camera import Pose, pose_error
-from core.locate import cache
+from core.locate import cache, find
+from core.pose.report import RefineProgress, RefineReport
+from core.pose.search.loop import TOO_FEW
 from core.splats.ply.reader import write_ply
 from core.synthetic import make_scene
 
@@ -104,6 +106,22 @@ def test_a_photo_of_another_place_is_not_found_and_gets_no_pose(place, tmp_path,
     code, again, _ = run(capsys, "refine", place.scene, photo, "--camera", out, *VIEWS, *FAST)  # its result as a start
     assert code == 3
     assert json.loads(again)["reasons"] == result["reasons"]
+
+
+def test_a_place_that_is_refined_in_vain_leaves_no_start_and_no_advice_about_one(place, capsys, monkeypatch):
+    def in_vain(renderer, photo, start, settings):
+        yield RefineProgress(1, 1, "matching", 0.5)
+        return RefineReport(start, start, "failed", (TOO_FEW,), (), 0.1)
+
+    monkeypatch.setattr(find, "iterate_refinement", in_vain)
+    code, out, _ = run(capsys, "locate", place.scene, place.folder / "photo_1.png", *VIEWS, *FAST)
+    result = json.loads(out)
+    assert (code, result["verdict"], result["R"], result["start"]) == (3, "failed", None, None)
+    assert result["hypothesis"]["inliers"] > 0
+    assert result["reasons"] == [
+        "Too few matches between the photo and the splat: the photo may show another place; try more views of the scan, known "
+        "cameras, or another photo."
+    ]
 
 
 @pytest.mark.parametrize("camera", [None, '{"frames": ["photo_2.png"]}', '{"file": "a/photo_2.png", "R": null, "t": null}'])
