@@ -132,7 +132,7 @@ def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     """
     solution, splat = camera_record.read(camera.data), scene.gssmc.splat
     if solution is None:
-        raise CameraError(rpt_('The camera "{name}" was never solved; use Refine Camera.', name=camera.name))
+        raise CameraError(rpt_('The camera "{name}" was never solved; use Find Camera or Refine Camera.', name=camera.name))
     if splat is None or splat.type != "POINTCLOUD":
         raise CameraError(rpt_("The solution stands in the splat; import or pick the splat first."))
     camera_channels.check_writable(camera)

@@ -279,6 +279,15 @@ def test_a_new_photo_for_the_camera_forgets_the_solution(bpy, solved, now, tmp_p
     assert not bpy.ops.gssmc.back_to_solution.poll()
 
 
+def test_without_its_camera_the_way_back_says_what_to_do(bpy, scene, solved, tmp_path):
+    bpy.data.objects.remove(solved)
+    with pytest.raises(RuntimeError, match="The scene has no camera; undo its removal, or pick another photo on the list"):
+        bpy.ops.gssmc.back_to_solution()
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "b.png")), camera="NEW")
+    with pytest.raises(RuntimeError, match="was never solved; use Find Camera or Refine Camera"):
+        bpy.ops.gssmc.back_to_solution()
+
+
 @pytest.mark.parametrize("record", ["{", "[]", "{}", '{"fx": 1}', "7"])
 def test_a_damaged_record_is_no_record(bpy, solved, now, record):
     solved.data.gssmc.solution = record
