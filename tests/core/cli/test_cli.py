@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -171,6 +172,28 @@ def test_flags_are_the_settings(capsys):
     text = capsys.readouterr().out
     for field in fields(RefineSettings):
         assert field.name.replace("_", "-") in text
+
+
+def documented():
+    """Command to its options, as the block at the head of docs/command_line.md has them; MAP and OPTIONS stand for several."""
+    page = (Path(__file__).parents[3] / "docs" / "command_line.md").read_text(encoding="utf-8")
+    block = page.partition("```\n")[2].partition("```\n")[0]
+    groups, commands = {}, {}
+    for name, text in re.findall(r"^([A-Z]+): (.+(?:\n .+)*)", block, re.MULTILINE):
+        groups[f"[{name}]"] = text
+    for name, text in re.findall(r"^python -m core (\w+) (.+(?:\n .+)*)", block, re.MULTILINE):
+        whole = re.sub(r"\[[A-Z]+\]", lambda match: groups.get(match[0], match[0]), text)
+        commands[name] = sorted(re.findall(r"--[a-z-]+", whole))
+    return commands
+
+
+def test_the_page_of_the_command_line_has_every_option_of_every_command():
+    subparsers = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
+    options = {
+        name: sorted(o for action in parser._actions for o in action.option_strings if o not in ("-h", "--help"))
+        for name, parser in subparsers.choices.items()
+    }
+    assert documented() == options
 
 
 def test_a_caller_may_add_options_and_gets_the_outcome(place, tmp_path, capsys):
