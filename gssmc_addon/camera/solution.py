@@ -6,6 +6,7 @@ a parent, a keyframe or a script, and splat and camera that are moved together s
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import bpy
@@ -44,6 +45,7 @@ TITLES = {
 def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
     """The solution that a refinement found; its lens counts as solved where it was solved for."""
     solved = report.lens != "fixed" and report.camera is not report.start
+    depth = report.quality.median_depth if report.quality else 0.0
     return SolvedCamera(
         report.camera,
         report.verdict,
@@ -51,7 +53,7 @@ def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
         len(report.iterations),
         report.seconds,
         "SOLVED" if solved else lens_state,
-        report.quality.median_depth if report.quality else 0.0,
+        depth if math.isfinite(depth) else 0.0,
     )
 
 
