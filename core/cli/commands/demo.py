@@ -59,7 +59,7 @@ def _check_folder(folder: Path) -> None:
     """Raises UsageError when the folder has files of the demo's names that no earlier demo wrote."""
     taken = [name for name in WRITTEN if (folder / name).exists()]
     if taken and TRUTH not in taken:
-        raise UsageError(f"'{folder}' has a {taken[0]} that is no demo's; give another folder with --out DIR.")
+        raise UsageError(f"'{folder}' has the file '{taken[0]}', which no demo wrote; give another folder with --out DIR.")
 
 
 def errors(sample: SampleFiles, found: FindReport) -> str:

@@ -173,7 +173,7 @@ def mistakes(place, tmp):
         "a folder of something else": ([tmp / "notes", *start], "is no folder of poses"),
         "a model without photos": ([_colmap(tmp), *start], "no folder that photos can be taken from"),
         "focal length of nothing": ([place.rooms, *start, "--focal", "0"], "--focal is 0"),
-        "focal length that is none": ([place.rooms, *start, "--focal", "nan"], "--focal is nan"),
+        "focal length that is none": ([place.rooms, *start, "--focal", "nan"], "--focal: 'nan' is no number"),
         "starts beside a list": ([queries, *start], "--start goes with a data set's folder"),
         "focal length beside a list": ([queries, "--focal", "5"], "--focal goes with a data set's folder"),
         "names with blanks": ([queries, "--poses", tmp / "p.txt"], "'a b0.png' cannot stand in a pose list"),

@@ -81,7 +81,7 @@ def test_convert_onto_itself(files, capsys):
 
 def test_demo_in_a_folder_with_files_of_its_names(files, capsys):
     (files / "photo.jpg").write_bytes((files / "photo_0.png").read_bytes())
-    assert "has a photo.jpg that is no demo's" in refused(files, capsys, "demo", "--out", files)
+    assert "has the file 'photo.jpg', which no demo wrote" in refused(files, capsys, "demo", "--out", files)
 
 
 # ---- the near plane
