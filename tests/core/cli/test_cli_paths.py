@@ -104,10 +104,10 @@ def test_render_draws_what_a_refinement_sees(place, tmp_path):
     assert cv2.imread(str(tmp_path / "far" / "photo_0.png")).max() == 0  # all of it is nearer
 
 
-@pytest.mark.parametrize(
-    ("near", "words"),
-    [("0", "--near is 0"), ("-1", "--near is -1"), ("nan", "--near: 'nan' is no"), ("inf", "--near: 'inf' is no")],
-)
-def test_a_near_plane_that_is_none_is_refused(files, capsys, near, words):
+NEAR = {"0": "--near is 0", "-1": "--near is -1", "nan": "--near: 'nan' is no number", "inf": "--near: 'inf' is no number"}
+
+
+@pytest.mark.parametrize("near", NEAR)
+def test_a_near_plane_that_is_none_is_refused(files, capsys, near):
     said = refused(files, capsys, "render", files / "scene.ply", files / "cam.json", files / "sub", "--near", near)
-    assert said.startswith(words)
+    assert said.startswith(NEAR[near])
