@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..geometry.camera import Camera
 from ..pose.refine import iterate_refinement
 from ..pose.report import RefineProgress, RefineReport, Verdict
 from ..pose.settings import RefineSettings
+from ..pose.verdict.sentences import without_start
 from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
 from .build import MapStep
@@ -147,6 +148,7 @@ class _Job:
         if self._best is None:
             return FindReport(None, "failed", (self.locator.located().reason,), None, None, views, seconds)
         found, start = self._best
+        found = replace(found, reasons=tuple(without_start(reason) for reason in found.reasons))
         camera = None if found.verdict == "failed" else found.camera
         return FindReport(camera, found.verdict, found.reasons, start, found, views, seconds)
 

@@ -15,6 +15,7 @@ from ..geometry.camera import Camera, Intrinsics, Pose
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
+from ..support.words import counted
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
 from .lens_report import lens_evidence, lens_numbers, lens_sentence
@@ -87,7 +88,7 @@ def _refine_with(
     if len(features) < MIN_PHOTO_FEATURES:
         loop, features = loop.stronger(features, 0, 1)
     if len(features) < MIN_PHOTO_FEATURES:
-        reason = f"The photo shows only {len(features)} features; it is too dark, blurred or plain to be placed."
+        reason = f"The photo shows only {counted(len(features), 'feature')}; it is too dark, blurred or plain to be placed."
         return refinement.report(None, _Judgement("failed", (reason,)), records, began)
     rng = np.random.default_rng(settings.seed)
     tried = yield from refinement.tried(loop, features, camera.pose, (records, rng))

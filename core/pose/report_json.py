@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..cameras.files import camera_to_dict
+from ..cameras.files import StartCamera, camera_to_dict
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics, Pose
@@ -36,15 +36,15 @@ def report_to_dict(report: RefineReport) -> dict[str, Any]:
     }
 
 
-def error_to_dict(start: Camera | Unplaced, sentence: str) -> dict[str, Any]:
+def error_to_dict(start: Camera | StartCamera | Unplaced, sentence: str) -> dict[str, Any]:
     """The record of a photo that could not be tried at all: the start camera, "failed", and the sentence."""
     return {**failed_to_dict(start, sentence), "error": sentence}
 
 
-def failed_to_dict(start: Camera | Unplaced, sentence: str) -> dict[str, Any]:
+def failed_to_dict(start: Camera | StartCamera | Unplaced, sentence: str) -> dict[str, Any]:
     """The record of a photo for which no pose was found: the start camera, without a pose where it had none."""
     verdict = {"verdict": "failed", "reasons": [sentence], "details": [], "iterations": [], "seconds": 0.0, "quality": None}
-    return {**wanted_to_dict(start), **verdict, "start": pose_to_dict(start.pose) if isinstance(start, Camera) else None}
+    return {**wanted_to_dict(start), **verdict, "start": None if isinstance(start, Unplaced) else pose_to_dict(start.pose)}
 
 
 def pose_to_dict(pose: Pose) -> dict[str, Any]:

@@ -147,8 +147,8 @@ def finder_of(scene: bpy.types.Scene, splat: bpy.types.Object, renderer: SplatRe
 def solved_cameras(scene: bpy.types.Scene) -> list[tuple[int, Camera]]:
     """Session id and solution of every camera of the scene that is trusted and still as it was solved."""
     trusted = [o for o in scene.objects if o.type == "CAMERA" and camera_solution.verdict(scene, o) == "TRUSTED"]
-    found = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
-    return [(uid, record.camera_at(scene.frame_current) or record.camera) for uid, record in found if record]
+    records = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
+    return [(uid, record.camera_at(scene.frame_current) or record.camera) for uid, record in records if record]
 
 
 def apply_report(targets: refine_job.Targets, report: FindReport) -> str:

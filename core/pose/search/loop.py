@@ -12,6 +12,7 @@ from ...features.frontend import Frontend
 from ...features.matchers.nearest import MutualNearest
 from ...geometry.camera import Intrinsics, Pose, pose_error
 from ...render.view import ViewRenderer, sole_renderer
+from ...support.words import counted
 from ..final.stage import view_pool
 from ..report import IterationRecord, RefineProgress
 from ..settings import RefineSettings
@@ -237,8 +238,8 @@ def searching(frontend: Frontend) -> Frontend:
 
 def _figures(observations: Sequence[Observation], record: IterationRecord) -> str:
     return (
-        f"The photo has {record.matches} matches with {len(observations)} rendered views, and {record.views_used} of the views "
-        "hold a pose."
+        f"The photo has {counted(record.matches, 'match', 'matches')} with {counted(len(observations), 'rendered view')}, of "
+        f"which {counted(record.views_used, 'view')} {'holds' if record.views_used == 1 else 'hold'} a pose."
     )
 
 

@@ -1,5 +1,6 @@
 """The verdict and its words: every figure in one unit, few corners told from wrong ones, and no sentence that holds a nan."""
 
+import inspect
 import itertools
 import math
 import re
@@ -12,6 +13,7 @@ from core.geometry.camera import Intrinsics, Pose
 from core.pose.final.solution import FittedCamera
 from core.pose.report import PoseQuality
 from core.pose.report_json import quality_to_dict
+from core.pose.search.loop import LOOKS_AWAY, TOO_FEW
 from core.pose.shared.lens import CALIBRATED_STD, CameraUnknowns, LensPrior
 from core.pose.shared.matches import ViewMatches
 from core.pose.verdict import sentences
@@ -231,3 +233,25 @@ def test_the_evidence_goes_into_json_whole():
     assert data["rms_px_of_photo"] is None and data["translation_std_pct"] is None
     assert data["pose"] == {"R": np.eye(3).tolist(), "t": [0.0, 0.0, 0.0]} and data["of"] == "refined"
     assert set(data) == {f.name for f in fields(PoseQuality)}
+
+
+def test_a_photo_that_had_no_start_gets_no_advice_about_one():
+    """Every sentence of a verdict, and those of the loop, said of a camera that the map gave."""
+    poor = replace(GOOD, corners=12, agreement=0.1, views_used=1, inliers=1, focal_std_pct=5.0, lens_shift_pct=5.0)
+    speakers = [f for f in vars(sentences).values() if inspect.isfunction(f) and not f.__name__.startswith("_")]
+    made = [LOOKS_AWAY, TOO_FEW]
+    for speak in speakers:
+        parameters = inspect.signature(speak).parameters.values()
+        if parameters and all(p.annotation == "PoseQuality" for p in parameters):
+            told = speak(*[poor] * len(parameters))
+            made += [told] if isinstance(told, str) else told
+    about = re.compile(r"\bstart\b|closer|refine again|turn it")
+    assert len([sentence for sentence in made if about.search(sentence)]) >= 6
+    for sentence in made:
+        changed = sentences.without_start(sentence)
+        assert not about.search(changed), changed
+        assert changed.endswith(".") and ";." not in changed and ", ;" not in changed
+    assert sentences.without_start(sentences.another_place(poor)) == (
+        "No part of the photo sits on the splat clearly beyond chance; the photo may show another place; try more views of "
+        "the scan, known cameras, or another photo."
+    )
