@@ -188,7 +188,7 @@ def test_the_search_asks_for_no_more_map_than_it_needs(renderer, steps):
     report = find_camera(renderer, PhotoLens(photo, camera.intrinsics), asked, QUICK)
     assert report.verdict == "trusted"
     assert report.views == 10
-    assert len(next(asked).map) == 11
+    assert len(next(asked).map) <= 11
 
 
 def test_a_camera_to_be_checked_ends_the_search_where_its_hypothesis_was_clear(renderer, steps):
