@@ -117,11 +117,11 @@ class Explorer:
             yield from self._best()
 
     def _next_looks(self) -> Sequence[Viewpoint]:
-        """What to look at next: by turns one of the sieve's candidates, and one around a sight that was chosen."""
-        if len(self._taken) % 2:
-            return [neighbour(self._taken[int(self._rng.integers(len(self._taken)))], self._rng)]
+        """What to look at next: of the sieve's candidates, and around a sight that was chosen."""
         fresh = 1 if self._taken else FIRST_LOOKS
         looks, self._ahead = self._ahead[:fresh], self._ahead[fresh:]
+        if self._taken:
+            looks.append(neighbour(self._taken[int(self._rng.integers(len(self._taken)))], self._rng))
         return looks
 
     def _best(self) -> Iterator[Sight | None]:
