@@ -2,7 +2,7 @@
 
     .venv/bin/python benchmarks/locate.py [--quick] [--parts signs map photos guessed known cross ...] [--maps FOLDER]
 
-Needs the scans in ../shared/scenes for all parts but sample and repeats. Errors are per cent of the scan's median depth and degrees;
+Needs the scans in ../shared/scenes for all parts but sample and repeats. Errors: per cent of the scan's median depth, degrees;
 seconds are CPU time of this process (one thread). In the basin: within 30 % and 20 deg. --quick takes every third photo.
 """
 
@@ -360,24 +360,28 @@ def rows(places: dict[str, Place], args: argparse.Namespace) -> Iterator[str]:
         place = Place(scan, mapped("room", scan.scene, args.views, cameras, args.maps))
         yield PHOTO_HEADER
         yield photo_row(place, "room with its cameras", False, args.quick, args.verbose)
-    if "cross" in args.parts:
-        yield from cross_rows(places, args.quick)
-    if "spoilt" in args.parts and places:
-        yield from spoilt_rows(places, args.quick)
-    if "sample" in args.parts:
-        yield from sample_rows(min(args.views, 40), args.maps)
-    if "town" in args.parts and places:
-        yield from town_rows(places, args.maps)
-    if "repeats" in args.parts:
-        yield from repeat_rows()
-    if "scale" in args.parts and "fox" in places:
-        fox = places["fox"].scan.scene
-        scenes = {
-            f"fox, {what} by {count}": partial(make, fox, count)
-            for count in (10, 34)
-            for what, make in (("split", split), ("copied", copies))
-        }
-        yield from scale_rows(scenes, args.maps, 40)
+    yield from more_rows(places, args)
+
+
+def more_rows(places: dict[str, Place], args: argparse.Namespace) -> Iterator[str]:
+    """The rows of the parts that ask for more than the scans' own photos."""
+    fox = places["fox"].scan.scene if "fox" in places else make_scene()
+    large = {
+        f"fox, {what} by {count}": partial(make, fox, count)
+        for count in (10, 34)
+        for what, make in (("split", split), ("copied", copies))
+    }
+    makers: dict[str, Callable[[], Iterator[str]]] = {
+        "cross": lambda: cross_rows(places, args.quick),
+        "spoilt": lambda: spoilt_rows(places, args.quick),
+        "sample": lambda: sample_rows(min(args.views, 40), args.maps),
+        "town": lambda: town_rows(places, args.maps),
+        "repeats": repeat_rows,
+        "scale": lambda: scale_rows(large, args.maps, 40),
+    }
+    for part, make_rows in makers.items():
+        if part in args.parts and (places or part in ("sample", "repeats")):
+            yield from make_rows()
 
 
 if __name__ == "__main__":
