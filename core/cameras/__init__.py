@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import CameraError, DatasetError
-from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
+from ..support.words import counted
+from . import cambridge, camera_json, colmap, inria, nerfstudio, pose_list, seven_scenes
 from .files import StartCamera
 from .names import match_names
 from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
@@ -60,6 +61,7 @@ LAYOUTS: dict[str, Layout] = {
     "7scenes": Layout(seven_scenes.detect, seven_scenes.read, seven_scenes.queries),
     "cambridge": Layout(cambridge.detect, cambridge.read, cambridge.queries),
     "nerfstudio": Layout(nerfstudio.detect, nerfstudio.read),
+    "inria": Layout(inria.detect, inria.read),
     "cameras": Layout(camera_json.detect, camera_json.read),
     "colmap": Layout(colmap.detect, colmap.read),
     "poses": Layout(pose_list.detect, pose_list.read),
@@ -107,7 +109,7 @@ def starts(path: Path) -> CameraFile:
     if not found.placed:
         raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
     rest, all_of_them = len(found.records) - len(found.placed), len(found.records)
-    note = (f"{rest} of {all_of_them} cameras in '{path.name}' have no pose and are left out.",) if rest else ()
+    note = (f"Without a pose, hence left out: {rest} of {counted(all_of_them, 'camera')} in '{path.name}'.",) if rest else ()
     return CameraFile(found.placed, (*found.notes, *note))
 
 

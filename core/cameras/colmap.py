@@ -15,6 +15,7 @@ from ..geometry.camera import Camera, Intrinsics, Pose
 from ..geometry.foreign_lens import BROWN, Lens
 from ..geometry.foreign_lens import lens_of as foreign_lens
 from ..support.atomic import atomic_write
+from ..support.words import counted
 from . import colmap_binary
 from .pose_list import pose_columns
 from .text import (
@@ -27,7 +28,7 @@ from .text import (
     read_lines,
     usable_numbers,
 )
-from .types import PosedFrame, PoseSet, Split, collect, pose_set, short
+from .types import PosedFrame, PoseSet, Split, collect, lens_of_file, pose_set, short
 
 IMAGES, CAMERAS, POINTS = "images.txt", "cameras.txt", "points3D.txt"
 PLACES = (".", "sparse/0", "sparse", "dense/sparse", "dense/0/sparse", "distorted/sparse/0")
@@ -149,7 +150,7 @@ def lens_of(model: str, values: list[float], where: str) -> Lens:
     try:
         fx = named.get("fx", named.get("f", float(width)))
         fy = named.get("fy", fx)
-        pinhole = Intrinsics(int(width), int(height), fx, fy, named.get("cx", 0.0), named.get("cy", 0.0))
+        pinhole = lens_of_file(Intrinsics(int(width), int(height), fx, fy, named.get("cx", 0.0), named.get("cy", 0.0)))
     except CameraError as error:
         raise DatasetError(f"{where} cannot be used: {error}") from None
     others = {name: value for name, value in named.items() if name not in PINHOLE}
@@ -176,7 +177,9 @@ def _image_lines(path: Path) -> Iterator[tuple[str, list[str], str]]:
             continue
         columns = line.split(maxsplit=COLUMNS - 1)
         if len(columns) < COLUMNS:
-            raise DatasetError(f"{where} has {len(columns)} columns; it should hold id qw qx qy qz tx ty tz camera name.")
+            raise DatasetError(
+                f"{where} has {counted(len(columns), 'column')}; it should hold id qw qx qy qz tx ty tz camera name."
+            )
         expect_points = True
         yield where, columns, columns[-1].strip()
 

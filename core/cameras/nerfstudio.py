@@ -19,7 +19,7 @@ from ..geometry.foreign_lens import BROWN, PANORAMAS, Lens, lens_of
 from ..support.atomic import atomic_write
 from .files import load_json
 from .text import head
-from .types import PosedFrame, PoseSet, Split, collect, pose_set
+from .types import PosedFrame, PoseSet, Split, collect, lens_of_file, pose_set
 
 FILE = "transforms.json"
 SIGNS = ('"transform_matrix"', '"fl_x"', '"camera_angle_x"')
@@ -117,7 +117,7 @@ def _lens(values: dict[str, Any]) -> Callable[[int, int], Lens] | None:
         fx, fy = (_focal(numbers, axis, size) for axis, size in (("x", width), ("y", height)))
         fx, fy = fx or fy or float(width), fy or fx or float(width)
         pinhole = Intrinsics(width, height, fx, fy, numbers.get("cx", width / 2), numbers.get("cy", height / 2))
-        return lens_of(model, pinhole, {key: numbers[key] for key in COEFFICIENTS if key in numbers})
+        return lens_of(model, lens_of_file(pinhole), {key: numbers[key] for key in COEFFICIENTS if key in numbers})
 
     return at
 

@@ -10,6 +10,8 @@ from typing import Literal, TypeVar
 
 from ..errors import CameraError, DatasetError
 from ..geometry.camera import Intrinsics, PixelOrder, Pose
+from ..photos.size import size_problem
+from ..support.words import counted
 
 Split = Literal["test", "train"]
 # The lens of a photo of (width, height) pixels as stored. Raises CameraError.
@@ -55,9 +57,9 @@ class PoseSet:
     def notes(self) -> tuple[str, ...]:
         """Sentences on what of the file is left out."""
         said = Counter(frame.problem for frame in self.frames if frame.problem)
-        notes = [f"{_cameras(count)} of '{self.source}': {problem}." for problem, count in said.items()]
+        notes = [f"{counted(count, 'camera')} of '{self.source}': {problem}." for problem, count in said.items()]
         if self.bad:
-            notes.append(f"{_cameras(len(self.bad))} of '{self.source}' cannot be used and left out: {self.bad[0]}")
+            notes.append(f"{counted(len(self.bad), 'camera')} of '{self.source}' cannot be used and left out: {self.bad[0]}")
         return tuple(notes)
 
     @property
@@ -74,14 +76,18 @@ class QueryPhoto:
     intrinsics: Intrinsics
 
 
+def lens_of_file(lens: Intrinsics) -> Intrinsics:
+    """The lens that a camera file tells, as it is: every reader asks this. Raises CameraError where no photo has its size."""
+    problem = size_problem(lens.width, lens.height)
+    if problem:
+        raise CameraError(f"The camera's image is {lens.width} x {lens.height} pixels; {problem}, so correct its size.")
+    return lens
+
+
 def short(name: str) -> str:
     """A name out of a file, fit to stand in a sentence: on one line, and cut where a damaged file made it endless."""
     line = " ".join(name.split())
     return line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 3] + "..."
-
-
-def _cameras(count: int) -> str:
-    return "1 camera" if count == 1 else f"{count} cameras"
 
 
 def collect(records: Iterable[T], frame_of: Callable[[T], PosedFrame]) -> tuple[list[PosedFrame], tuple[str, ...]]:

@@ -15,7 +15,7 @@ from ..errors import PhotoError
 from . import jpeg
 from .containers import heif
 from .containers.encoded import EncodedPicture
-from .size import EXR_SIGNATURE, check_pixels, reduction
+from .size import EXR_SIGNATURE, check_photo_size, reduction
 
 HEIF_PACKAGE = "pi_heif"  # a wheel of its own, which the extension does not bring
 REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
@@ -47,12 +47,14 @@ class DecodedPicture:
 
 def decode(picture: EncodedPicture, name: str) -> DecodedPicture:
     """The pixels of a picture of the file `name`. Raises PhotoError when it cannot be decoded, or is too large for a photo."""
-    check_pixels(picture.size, name)
+    if picture.size:
+        check_photo_size(picture.size, name)
     if heif.is_heic(picture.parts[0]):
         raw, picture = _heic(picture.parts[0], name), replace(picture, turned_by_decoder=True)
     else:
         raw = _joined([_decoded(part, picture, name) for part in picture.parts], name)
     size = picture.size or (raw.shape[1], raw.shape[0])
+    check_photo_size(size, name)
     factor = reduction(size)
     across = size[0] if picture.orientation < 5 or not picture.turned_by_decoder else size[1]
     if factor > 1 and raw.shape[1] >= across:

@@ -42,6 +42,11 @@ def guess_lens_of_file(path: Path) -> LensGuess:
     return _guess(photo_facts(path))
 
 
+def guess_lens_of_size(width: int, height: int) -> LensGuess:
+    """The guess for a photo of that size that tells nothing of its lens."""
+    return _guess(PhotoFacts(width, height, None))
+
+
 def _guess(photo: Photo | PhotoFacts) -> LensGuess:
     width, height, focal_35mm = photo.width, photo.height, photo.focal_35mm
     if focal_35mm is None:

@@ -15,6 +15,7 @@ from ...errors import DatasetError
 from ...geometry.camera import Camera
 from ...geometry.conventions import Similarity
 from ...support.atomic import atomic_write
+from ...support.words import counted
 from ..console import message, say
 from ..flags import CAMERAS_HELP
 from ..outcome import OK, Outcome
@@ -47,14 +48,15 @@ def run(args: argparse.Namespace) -> Outcome:
     if world is not None:
         found = [replace(start, pose=world.pose_to_scene(start.pose)) for start in found]
     WRITERS[layout](args.out, found)
-    say(f"{len(found)} cameras were written to '{args.out}'.")
+    say(f"{counted(len(found), 'camera')} {'was' if len(found) == 1 else 'were'} written to '{args.out}'.")
     return Outcome(OK)
 
 
 def _unfinished(found: Sequence[StartCamera]) -> list[str]:
     """What is told of lenses that cannot be written, because they need their photos' sizes."""
     count = sum(start.lens_of_size is not None for start in found)
-    return [f"{count} cameras have a lens without the size of the photo, which is not written; give w and h."] if count else []
+    text = f"The lens of {counted(count, 'camera')} needs the size of the photo, which is not told, and is not written."
+    return [text] if count else []
 
 
 def _check_paths(args: argparse.Namespace, layout: str) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import SplatFormatError
 from ...geometry.conventions import Orientation
+from ...support.words import counted
 from ..activate import SceneBuilder
 from ..format import Progress, SplatInfo
 from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
@@ -84,7 +85,8 @@ def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> Gau
                     progress(builder.filled / vertex.count)
     if builder.filled < vertex.count:
         raise SplatFormatError(
-            f"The file is cut off: it holds {builder.filled} of the {vertex.count} Gaussians it promises; export it again."
+            f"The file is cut off: it holds {builder.filled} of "
+            f"{counted(vertex.count, 'Gaussian')} that it promises; export it again."
         )
     x, y, z = (float(value) for value in far.origin)
     axes, soft = declared_axes(header) or ORIENTATION, is_antialiased(header)
