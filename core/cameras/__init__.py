@@ -11,6 +11,7 @@ from ..support.words import counted
 from . import cambridge, camera_json, colmap, inria, nerfstudio, pose_list, seven_scenes
 from .files import StartCamera
 from .names import match_names
+from .programs import bundler, meshroom, metashape, ns_export, nvm, opensfm, others, realitycapture
 from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
 from .unplaced import Unplaced, read_wanted
 
@@ -62,6 +63,14 @@ LAYOUTS: dict[str, Layout] = {
     "cambridge": Layout(cambridge.detect, cambridge.read, cambridge.queries),
     "nerfstudio": Layout(nerfstudio.detect, nerfstudio.read),
     "inria": Layout(inria.detect, inria.read),
+    "ns-export": Layout(ns_export.detect, ns_export.read),
+    "opensfm": Layout(opensfm.detect, opensfm.read),
+    "meshroom": Layout(meshroom.detect, meshroom.read),
+    "metashape": Layout(metashape.detect, metashape.read),
+    "realitycapture": Layout(realitycapture.detect, realitycapture.read),
+    "bundler": Layout(bundler.detect, bundler.read),
+    "nvm": Layout(nvm.detect, nvm.read),
+    "others": Layout(others.detect, others.read),
     "cameras": Layout(camera_json.detect, camera_json.read),
     "colmap": Layout(colmap.detect, colmap.read),
     "poses": Layout(pose_list.detect, pose_list.read),
@@ -99,8 +108,10 @@ def camera_file(path: Path) -> CameraFile:
         if one.is_picture
     ]
     if not records:
-        raise DatasetError(" ".join(found.notes))
-    return CameraFile(tuple(records), found.notes)
+        raise DatasetError(
+            " ".join(found.notes) or f"No camera in '{path.name}' has a pose; give a file of cameras with poses."
+        )
+    return CameraFile(tuple(records), (*found.notes, *_lacking(found.unsolved, found.unsolved + len(found.frames), path)))
 
 
 def starts(path: Path) -> CameraFile:
@@ -108,9 +119,13 @@ def starts(path: Path) -> CameraFile:
     found = camera_file(path)
     if not found.placed:
         raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
-    rest, all_of_them = len(found.records) - len(found.placed), len(found.records)
-    note = (f"Without a pose, hence left out: {rest} of {counted(all_of_them, 'camera')} in '{path.name}'.",) if rest else ()
-    return CameraFile(found.placed, (*found.notes, *note))
+    count = len(found.records)
+    return CameraFile(found.placed, (*found.notes, *_lacking(count - len(found.placed), count, path)))
+
+
+def _lacking(rest: int, count: int, path: Path) -> tuple[str, ...]:
+    """What is said of the records of a file that have no pose."""
+    return (f"Without a pose, hence left out: {rest} of {counted(count, 'camera')} in '{path.name}'.",) if rest else ()
 
 
 def has_queries(path: Path) -> bool:

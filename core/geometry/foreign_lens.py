@@ -108,6 +108,16 @@ def _division(n: FloatArray, v: Values) -> FloatArray:
     return n * (2 / (1 + np.sqrt(np.maximum(1 - 4 * v["k"] * r2, 0))))[:, None]
 
 
+def _inverse_radial(n: FloatArray, v: Values) -> FloatArray:
+    """The inverse of d -> d (1 + r |d|^2), by Newton's method on the length (VisualSFM)."""
+    length = np.maximum(np.linalg.norm(n, axis=1), 1e-12)
+    d = length.copy()
+    for _ in range(30):
+        d = d - (d * (1 + v["r"] * d * d) - length) / (1 + 3 * v["r"] * d * d)
+    off = np.abs(d * (1 + v["r"] * d * d) - length)
+    return n * np.where((off < 1e-9) & (d >= 0), d / length, np.nan)[:, None]
+
+
 def _eucm(n: FloatArray, v: Values) -> FloatArray:
     depth = np.sqrt(v["beta"] * (n * n).sum(axis=1) + 1)
     return n / (v["alpha"] * depth + 1 - v["alpha"])[:, None]
@@ -127,6 +137,7 @@ MODELS: dict[str, Distort] = {
     "SIMPLE_DIVISION": _division,
     "DIVISION": _division,
     "EUCM": _eucm,
+    "INVERSE_RADIAL": _inverse_radial,
 }
 
 
