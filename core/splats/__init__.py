@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import SplatFormatError
-from . import splat
+from . import gltf, splat
 from .format import SplatFormat, SplatInfo
 from .ply import compressed as ply_compressed
 from .ply import mip as ply_mip
@@ -39,6 +39,7 @@ FORMATS: tuple[SplatFormat, ...] = (
     ply.FORMAT,
     spz.FORMAT,
     sog.FORMAT,
+    gltf.FORMAT,
     splat.FORMAT,
 )
 SUFFIXES = tuple(dict.fromkeys(found.suffix for found in FORMATS))

@@ -263,6 +263,7 @@ SAMPLES = {
     "compressed ply": random_chunk_ply(3)[0],
     "splat": splat_bytes(splat_records(3)),
     "spz": spz_bytes(spz_rows(3, 0), 3, 0),
+    "glTF": (Path(__file__).parents[2] / "data" / "by_splat_transform.glb").read_bytes(),
     "sog": (Path(__file__).parents[2] / "data" / "by_splat_transform.sog").read_bytes(),
 }
 
