@@ -9,10 +9,18 @@ from ..geometry.camera import FloatArray, Intrinsics
 from ..geometry.conventions import focal_px_from_35mm
 from .final.solution import FittedCamera
 from .report import LENS_NUMBERS, LensEvidence, LensNumber, LensState
+from .shared.lens import MODES
 
 # A number was solved for where the matches brought its deviation below this share of the prior's; else it stayed at its guess.
 SOLVED_SHARE = 0.5
-GROUPS = {"the principal point": ("cx", "cy"), "k1": ("k1",), "k2": ("k2",), "p1 and p2": ("p1", "p2"), "k3": ("k3",)}
+GROUPS = {
+    "the principal point": ("cx", "cy"),
+    "k1": ("k1",),
+    "k2": ("k2",),
+    "p1 and p2": ("p1", "p2"),
+    "k3": ("k3",),
+    "the squeeze": ("squeeze",),
+}
 
 
 def lens_numbers(solution: FittedCamera, photo: Intrinsics) -> tuple[LensNumber, ...]:
@@ -31,7 +39,7 @@ def lens_numbers(solution: FittedCamera, photo: Intrinsics) -> tuple[LensNumber,
 
 def lens_evidence(solution: FittedCamera, guess: Intrinsics) -> LensEvidence | None:
     """What a photo can tell others of its lens, which was guessed as `guess`; None where not all of it was solved for."""
-    if solution.information is None or len(solution.solved) < len(LENS_NUMBERS):
+    if solution.information is None or not set(MODES["full"]) <= set(solution.solved):
         return None
     return LensEvidence(solution.information, guess, float(solution.prior.std[0]))
 
