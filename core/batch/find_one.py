@@ -26,12 +26,13 @@ def find_target(photo: Photo, wanted: Camera | Unplaced) -> PhotoLens:
 
 def found_to_dict(found: FindReport, wanted: Unplaced) -> Record:
     """The record: as `report_to_dict` gives it, with "hypothesis" (what the map said, which was refined; null where nothing in
-    it matched) and "map_views" (how many views of the map were tried). A photo that was not found has neither "R" nor "t".
+    it matched) and "map_views" (how many views of the map were tried). A photo that was not found has neither "R" nor "t" nor
+    a "start".
     """
     if found.refined is None:
         record = failed_to_dict(wanted, "")
     elif found.camera is None:
-        record = {**report_to_dict(found.refined), **wanted_to_dict(wanted)}
+        record = {**report_to_dict(found.refined), **wanted_to_dict(wanted), "start": None}
     else:
         record = {**report_to_dict(found.refined), "file": wanted.file}
     told = {"verdict": found.verdict, "reasons": list(found.reasons), "seconds": round(found.seconds, 3)}

@@ -15,13 +15,15 @@ from ..geometry.camera import Camera, Intrinsics, Pose
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
+from ..support.words import counted
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
+from .lens_report import lens_evidence, lens_numbers, lens_sentence
 from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
 from .search.observe import PhotoFeatures, extract_photo_features
 from .settings import RefineSettings
-from .shared.lens import CameraUnknowns, LensMode
+from .shared.lens import CameraUnknowns, LensPrior
 from .shared.working import WorkingPhoto
 from .verdict import sentences
 from .verdict.verdict import (
@@ -79,14 +81,14 @@ def _refine_with(
     frontend: Frontend, renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings
 ) -> Progress:
     began = time.perf_counter()
-    refinement = _Refinement(renderer, photo, camera, settings, lens_mode(settings, camera))
+    refinement = _Refinement(renderer, photo, camera, settings)
     extract = partial(extract_photo_features, photo, camera.intrinsics, settings.long_side_px)
-    loop, features = Loop(renderer, settings, frontend, refinement.mode, extract), extract(frontend)
+    loop, features = Loop(renderer, settings, frontend, refinement.solves_lens, extract), extract(frontend)
     records: list[IterationRecord] = []
     if len(features) < MIN_PHOTO_FEATURES:
         loop, features = loop.stronger(features, 0, 1)
     if len(features) < MIN_PHOTO_FEATURES:
-        reason = f"The photo shows only {len(features)} features; it is too dark, blurred or plain to be placed."
+        reason = f"The photo shows only {counted(len(features), 'feature')}; it is too dark, blurred or plain to be placed."
         return refinement.report(None, _Judgement("failed", (reason,)), records, began)
     rng = np.random.default_rng(settings.seed)
     tried = yield from refinement.tried(loop, features, camera.pose, (records, rng))
@@ -118,11 +120,9 @@ def _better(best: _Try, other: _Try) -> tuple[_Try, bool]:
     return replace(winner, judgement=replace(judgement, details=(*judgement.details, note))), same
 
 
-def lens_mode(settings: RefineSettings, camera: Camera) -> LensMode:
-    """What of the lens is solved for; "auto" trusts a calibration and solves for the focal length of a guess."""
-    if settings.lens != "auto":
-        return settings.lens
-    return "focal" if camera.focal_guessed else "fixed"
+def solves_lens(settings: RefineSettings, camera: Camera) -> bool:
+    """Whether anything of a camera's lens is solved for; "auto" takes a calibration as it is."""
+    return camera.focal_guessed if settings.lens == "auto" else settings.lens != "fixed"
 
 
 @dataclass(frozen=True)
@@ -156,15 +156,20 @@ class _Try:
 
 @dataclass(frozen=True)
 class _Refinement:
-    """One refinement's inputs, and what is made of them after the loop: last stage, verdict and report. `mode`: what of the
-    lens is solved for.
-    """
+    """One refinement's inputs, and what is made of them after the loop: last stage, verdict and report."""
 
     renderer: ViewRenderer
     photo: Photo
     start: Camera
     settings: RefineSettings
-    mode: LensMode
+
+    @property
+    def solves_lens(self) -> bool:
+        return solves_lens(self.settings, self.start)
+
+    @property
+    def prior(self) -> LensPrior:
+        return LensPrior.of(self.start, self.photo.focal_35mm)
 
     def tried(
         self, loop: Loop, photo: PhotoFeatures, start: Pose, work: _Work, first: LoopResult | None = None
@@ -200,7 +205,7 @@ class _Refinement:
         quality = first.judgement.quality
         if not self.settings.has_final_stage or not is_unsettled(first.judgement.verdict, quality):
             return []
-        known = self.mode == "fixed" and first.judgement.is_of("refined") and first.solution is not None
+        known = not self.solves_lens and first.judgement.is_of("refined") and first.solution is not None
         found = [first.solution.camera.pose] if known and first.solution else []
         return [*found, self.start.pose][:MORE_TRIES]
 
@@ -214,7 +219,7 @@ class _Refinement:
             solution = yield from self._final(answer, iterations, rng)
         yield RefineProgress(iterations, self.settings.iterations, "checking the answer", DONE)
         if solution is None:
-            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, self.mode)
+            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, self.prior)
             return loop, view_at(self.renderer, image, loop.camera.pose)
         lens = solution.camera.intrinsics.resized(image.intrinsics.width, image.intrinsics.height)
         return solution, view_at(self.renderer, image.with_intrinsics(lens), solution.camera.pose)
@@ -225,7 +230,7 @@ class _Refinement:
         photo = WorkingPhoto.of(self.photo, self.start.intrinsics, self.settings.final_long_side_px)
         size = (photo.intrinsics.width, photo.intrinsics.height)
         start = CameraUnknowns(answer.fit.pose, answer.intrinsics.resized(*size))
-        work = FinalStage(self.renderer, self.settings, photo.intrinsics, self.mode).run(photo, start, rng)
+        work = FinalStage.of(self.renderer, self.settings, self.prior.resized(*size)).run(photo, start, rng)
         fraction = LOOP_SHARE
 
         def progress(step: str) -> RefineProgress:
@@ -239,7 +244,7 @@ class _Refinement:
     def full_size(self, camera: CameraUnknowns) -> Camera:
         """The camera for the photo at its full size; the given lens itself where it was not solved for."""
         given = self.start.intrinsics
-        if self.mode == "fixed":
+        if not self.solves_lens:
             return replace(self.start, pose=camera.pose)
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
         return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
@@ -266,7 +271,8 @@ class _Refinement:
         solution: FittedCamera | None = None,
     ) -> RefineReport:
         seconds = time.perf_counter() - began
-        reasons = judgement.reasons
+        lens = () if solution is None or refined is None else lens_numbers(solution, self.start.intrinsics)
+        reasons = tuple(r for r in (*judgement.reasons, lens_sentence(lens, self.start.intrinsics)) if r)
         log.info("%s after %d iterations, %.1f s: %s", judgement.verdict, len(records), seconds, " ".join(reasons))
         log.debug("%s", " ".join(judgement.details))
         return RefineReport(
@@ -278,6 +284,7 @@ class _Refinement:
             seconds=seconds,
             quality=judgement.quality,
             stage=solution.stage if solution else "",
-            lens=solution.mode if solution else self.mode,
+            lens=lens,
+            lens_evidence=lens_evidence(solution, self.start.intrinsics) if solution and lens else None,
             details=judgement.details,
         )

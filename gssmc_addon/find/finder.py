@@ -26,6 +26,7 @@ from ...core.locate import (
     build_map,
     iterate_finding,
 )
+from ...core.locate.known_cameras import cameras_beside
 from ...core.pose.report import RefineReport
 from ...core.splats.scene import GaussianScene
 from ..jobs.worker import RefineInputs, refinement
@@ -56,7 +57,8 @@ class GrowingMap:
 
     def __init__(self, scene: GaussianScene, wanted: MapWanted) -> None:
         """Reads what is kept."""
-        self._cache = MapCache(scene, wanted.place, wanted.settings)
+        beside = cameras_beside(wanted.place.scan)
+        self._cache = MapCache(scene, wanted.place, wanted.settings, beside[1] if beside else ())
         self.made = self._cache.read()
         self._kept = len(self.made)
         self._making: Iterator[MapStep] | None = None

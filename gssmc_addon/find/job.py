@@ -12,6 +12,7 @@ from ...core.geometry.camera import Camera
 from ...core.locate import FindProgress, FindReport, MapSettings
 from ...core.pose.report import RefineProgress
 from ...core.pose.settings import RefineSettings
+from ...core.render import memory
 from ..camera import record as camera_record
 from ..camera import solution as camera_solution
 from ..jobs.machine import Job
@@ -139,16 +140,22 @@ def _prepared(
 
 
 def finder_of(scene: bpy.types.Scene, splat: bpy.types.Object, renderer: SplatRenderer) -> Finder:
-    """What finds photos in the splat of `renderer`, which has to keep its scene; the scene's solved cameras are known to it."""
+    """What finds photos in the splat of `renderer`, which has to keep its scene; the scene's solved cameras are known to it.
+
+    Raises MemoryLimitError when the search would take more than the preferences allow.
+    """
     settings = MapSettings(views=scene.gssmc.map_views, threads=preferences.threads(bpy.context, scene.gssmc.threads))
+    count, coefficients = len(splat.data.points), splat_object.sh_coefficients(splat)
+    needed = memory.find_bytes(count, coefficients, settings.threads, settings.views)
+    memory.check("The search", needed, preferences.memory_limit(bpy.context))
     return known_of(solved_cameras(scene), Finder(renderer, MapWanted(settings, place_of(splat))))
 
 
 def solved_cameras(scene: bpy.types.Scene) -> list[tuple[int, Camera]]:
     """Session id and solution of every camera of the scene that is trusted and still as it was solved."""
     trusted = [o for o in scene.objects if o.type == "CAMERA" and camera_solution.verdict(scene, o) == "TRUSTED"]
-    found = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
-    return [(uid, record.camera_at(scene.frame_current) or record.camera) for uid, record in found if record]
+    records = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
+    return [(uid, record.camera_at(scene.frame_current) or record.camera) for uid, record in records if record]
 
 
 def apply_report(targets: refine_job.Targets, report: FindReport) -> str:

@@ -52,6 +52,7 @@ class Targets:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene, splat: bpy.types.Object, camera: bpy.types.Object, photo: bpy.types.Image) -> Targets:
+        """The targets by their session ids and present names."""
         names = (splat.name, camera.name, photo.name)
         return cls(scene.session_uid, splat.session_uid, camera.session_uid, photo.session_uid, names)
 
@@ -61,8 +62,8 @@ class Targets:
         if scene is None:
             raise RefineError(rpt_("The scene was removed while the refinement ran; nothing was changed."))
         splat, camera = by_uid(scene.objects, self.splat), by_uid(scene.objects, self.camera)
-        found = (splat, camera, by_uid(bpy.data.images, self.photo))
-        for what, name, item in zip(REMOVED, self.names, found, strict=True):
+        live = (splat, camera, by_uid(bpy.data.images, self.photo))
+        for what, name, item in zip(REMOVED, self.names, live, strict=True):
             if item is None:
                 raise RefineError(rpt_(REMOVED[what], name=name))
         return scene, splat, camera

@@ -12,10 +12,10 @@ from ...features.frontend import Frontend
 from ...features.matchers.nearest import MutualNearest
 from ...geometry.camera import Intrinsics, Pose, pose_error
 from ...render.view import ViewRenderer, sole_renderer
+from ...support.words import counted
 from ..final.stage import view_pool
 from ..report import IterationRecord, RefineProgress
 from ..settings import RefineSettings
-from ..shared.lens import LensMode
 from ..shared.matches import ViewMatches
 from ..verdict.verify import FinalView, compare
 from .epipolar import EpipolarFit, measure_epipolar
@@ -111,14 +111,14 @@ class IterationEnd:
 
 @dataclass(frozen=True)
 class Loop:
-    """One refinement's fixed inputs; `run` does the iterations. `mode`: what of the lens is solved for; `extract`: the photo
-    with the features that a frontend finds in it; `wide`: whether the first fan is a wide one.
+    """One refinement's fixed inputs; `run` does the iterations. `solves_focal`: the focal length is unknown; `extract`: the
+    photo with the features that a frontend finds in it; `wide`: whether the first fan is a wide one.
     """
 
     renderer: ViewRenderer
     settings: RefineSettings
     frontend: Frontend
-    mode: LensMode
+    solves_focal: bool
     extract: Callable[[Frontend], PhotoFeatures]
     wide: bool = False
 
@@ -194,7 +194,7 @@ class Loop:
     def _solve(self, start: IterationStart, observations: list[Observation]) -> IterationEnd:
         """The focal length where it is unknown, then the coarse and the fine stage on one iteration's views."""
         photo, settled = start.photo, True
-        if self.mode != "fixed":
+        if self.solves_focal:
             refocused = refocus(photo, observations, start.prior, start.first)
             photo, observations, settled = refocused.photo, refocused.observations, refocused.settled
         K = photo.pinhole.matrix
@@ -238,8 +238,8 @@ def searching(frontend: Frontend) -> Frontend:
 
 def _figures(observations: Sequence[Observation], record: IterationRecord) -> str:
     return (
-        f"The photo has {record.matches} matches with {len(observations)} rendered views, and {record.views_used} of the views "
-        "hold a pose."
+        f"The photo has {counted(record.matches, 'match', 'matches')} with {counted(len(observations), 'rendered view')}, of "
+        f"which {counted(record.views_used, 'view')} {'holds' if record.views_used == 1 else 'hold'} a pose."
     )
 
 

@@ -49,14 +49,8 @@ TRUSTED_DISAGREEMENT_DEG = 0.4
 # Per cent of the median depth.
 TRUSTED_STD_PCT = 0.5
 TRUSTED_FOCAL_STD_PCT = 1.0
-# On two scans the gain reached 29 per cent with the right lens, and lay between 27 and 59 per cent without its distortion.
-TRUSTED_LENS_GAIN_PCT = 32.0
-
-# The covariance of a fit contains the noise of its matches, but not the errors of the splat itself, which all views share. On
-# two scans the errors of pose and focal length were 1.8 and 2.3 times (RMS) the deviations from the last stage's fit. Those of
-# the loop's answer, whose fit takes all matches for independent, were 5.7 times the deviations (14 near starts, final "none").
-SHARED_ERROR = 2.0
-LOOP_SHARED_ERROR = 5.7
+# The matches must make a lens that was given at least e^7 times likelier than another one that would move the camera.
+TRUSTED_LENS_LOG_ODDS = -7.0
 
 
 @dataclass(frozen=True)
@@ -75,7 +69,6 @@ def assess(solution: FittedCamera, loop: LoopMatches, final: FinalView, photo: I
     depth = loop.median_depth
     pose, matched = solution.camera.pose, solution.camera.intrinsics
     photo_px = max(photo.width, photo.height) / max(matched.width, matched.height)
-    shared = LOOP_SHARED_ERROR if solution.stage == "loop" else SHARED_ERROR
     return replace(
         _render_evidence(pose, final, photo, depth),
         of="refined",
@@ -85,10 +78,12 @@ def assess(solution: FittedCamera, loop: LoopMatches, final: FinalView, photo: I
         rms_px_of_photo=photo_px * solution.rms_px,
         disagreement_pct=100 * solution.apart_units / depth,
         disagreement_deg=solution.apart_deg,
-        translation_std_pct=100 * shared * solution.translation_std_units / depth,
-        rotation_std_deg=shared * solution.rotation_std_deg,
-        focal_std_pct=100 * shared * solution.focal_std,
-        lens_gain_pct=100 * solution.lens_gain,
+        translation_std_pct=100 * solution.translation_std_units / depth,
+        rotation_std_deg=solution.rotation_std_deg,
+        focal_std_pct=100 * float(solution.lens_std[0]),
+        lens_log_odds=solution.doubt.log_odds,
+        lens_shift_pct=100 * solution.doubt.shift_units / depth,
+        lens_shift_deg=solution.doubt.shift_deg,
     )
 
 
@@ -194,10 +189,16 @@ def _doubts(q: PoseQuality) -> list[str]:
         (not rms_px(q) <= TRUSTED_RMS_PX, sentences.views_apart),
         (not apart, sentences.halves_apart),
         (not q.translation_std_pct <= TRUSTED_STD_PCT, sentences.place_uncertain),
-        (q.focal_std_pct > TRUSTED_FOCAL_STD_PCT, sentences.focal_uncertain),  # NaN, when it was not solved for, is no doubt
-        (q.lens_gain_pct > TRUSTED_LENS_GAIN_PCT, sentences.other_lens),
+        (not q.focal_std_pct <= TRUSTED_FOCAL_STD_PCT, sentences.focal_uncertain),
+        (_may_be_other_lens(q), sentences.other_lens),
     ]
     return [sentence(q) for doubtful, sentence in checks if doubtful]
+
+
+def _may_be_other_lens(q: PoseQuality) -> bool:
+    """Whether the lens as it was given is not confirmed, and another one would put the camera elsewhere."""
+    moves = q.lens_shift_pct > TRUSTED_DISAGREEMENT_PCT or q.lens_shift_deg > TRUSTED_DISAGREEMENT_DEG
+    return moves and not q.lens_log_odds <= TRUSTED_LENS_LOG_ODDS
 
 
 def rms_px(q: PoseQuality) -> float:

@@ -96,7 +96,7 @@ def test_with_a_packed_photo_the_file_is_not_needed(bpy, scene, tmp_path):
     assert scene.camera.data.gssmc.verdict == "FAILED"
 
 
-@pytest.mark.parametrize(("scale", "words"), [((1, 1, 2), "unevenly"), ((-1, 1, 1), "mirrored"), ((0, 1, 1), "unevenly")])
+@pytest.mark.parametrize(("scale", "words"), [((1, 1, 2), "unevenly"), ((-1, 1, 1), "mirrored"), ((0, 1, 1), "of zero")])
 def test_with_a_splat_that_is_not_evenly_scaled(bpy, scene, scale, words):
     scene.gssmc.splat.scale = scale
     refused(bpy, words)

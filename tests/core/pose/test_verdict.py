@@ -1,5 +1,6 @@
 """The verdict and its words: every figure in one unit, few corners told from wrong ones, and no sentence that holds a nan."""
 
+import inspect
 import itertools
 import math
 import re
@@ -12,7 +13,8 @@ from core.geometry.camera import Intrinsics, Pose
 from core.pose.final.solution import FittedCamera
 from core.pose.report import PoseQuality
 from core.pose.report_json import quality_to_dict
-from core.pose.shared.lens import CameraUnknowns
+from core.pose.search.loop import LOOKS_AWAY, TOO_FEW
+from core.pose.shared.lens import CALIBRATED_STD, CameraUnknowns, LensPrior
 from core.pose.shared.matches import ViewMatches
 from core.pose.verdict import sentences
 from core.pose.verdict.regions import Region
@@ -36,6 +38,8 @@ GOOD = PoseQuality(
     disagreement_deg=0.02,
     translation_std_pct=0.05,
     rotation_std_deg=0.02,
+    focal_std_pct=0.05,
+    lens_log_odds=-4.0,
     region_corners=400,
     region_share=0.8,
     region_expected=3.0,
@@ -104,7 +108,7 @@ def test_what_other_views_may_settle_is_told_from_what_the_photo_lacks():
     for name, value in unsettled.items():
         quality = replace(GOOD, **{name: value})
         assert is_unsettled(judge(quality)[0], quality), name
-    for name, value in {"coverage": 0.1, "lens_gain_pct": 40.0, "focal_std_pct": 2.0}.items():
+    for name, value in {"coverage": 0.1, "lens_shift_pct": 4.0, "focal_std_pct": 2.0}.items():
         quality = replace(GOOD, **{name: value})
         assert judge(quality)[0] == "check" and not is_unsettled("check", quality), name
     assert not is_unsettled("trusted", GOOD) and not is_unsettled("failed", None)
@@ -124,7 +128,6 @@ DOUBTS = {
     "disagreement_deg": (0.5, "0.50 degrees apart"),
     "translation_std_pct": (2.5, "known only to 2.5 % of the distance"),
     "focal_std_pct": (1.5, "focal length is known only to 1.5 %"),
-    "lens_gain_pct": (40.0, "fit 40 % better"),
 }
 
 
@@ -133,6 +136,22 @@ def test_each_doubt_has_its_sentence(name):
     value, sentence = DOUBTS[name]
     verdict, reasons = judge(replace(GOOD, **{name: value}))
     assert verdict == "check" and len(reasons) == 1 and sentence in reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("odds", "pct", "deg", "sentence"),
+    [
+        (40.0, 1.2, 0.1, "does not fit the photo: with another one, which fits better, the camera would stand 1.2 %"),
+        (-2.0, 0.1, 0.5, "do not tell the lens from another one, with which the camera would stand 0.10 %"),
+        (-9.0, 1.2, 0.5, ""),
+        (40.0, 0.2, 0.1, ""),
+        (math.nan, 1.2, 0.1, "do not tell the lens"),
+    ],
+)
+def test_a_lens_is_doubted_where_another_may_be_right_and_would_move_the_camera(odds, pct, deg, sentence):
+    verdict, reasons = judge(replace(GOOD, lens_log_odds=odds, lens_shift_pct=pct, lens_shift_deg=deg))
+    assert verdict == ("check" if sentence else "trusted")
+    assert sentence in reasons[0]
 
 
 def test_no_sentence_ever_holds_a_nan_or_an_infinity():
@@ -154,7 +173,7 @@ def test_no_sentence_ever_holds_a_nan_or_an_infinity():
                 assert sentence.endswith(".") and (sentence[0].isupper() or sentence[0].isdigit())
 
 
-@pytest.mark.parametrize("name", ["disagreement_pct", "translation_std_pct", "rms_px_of_photo"])
+@pytest.mark.parametrize("name", ["disagreement_pct", "translation_std_pct", "rms_px_of_photo", "focal_std_pct"])
 def test_a_figure_that_there_is_not_is_a_doubt(name):
     assert judge(replace(GOOD, **{name: math.nan}))[0] == "check"
     assert judge(replace(GOOD, **{name: math.inf}))[0] == "check"
@@ -174,7 +193,17 @@ def test_the_rms_has_one_threshold_whatever_the_photo(photo, rms, verdict):
 
 def solution(stage, long_side, rms_px):
     k = Intrinsics(long_side, long_side // 2, 500.0, 500.0, 300.0, 200.0)
-    return FittedCamera(CameraUnknowns(Pose(), k), stage, rms_px, 0.001, 0.01, math.nan, 0.002, 0.01, "fixed")
+    return FittedCamera(
+        CameraUnknowns(Pose(), k),
+        stage,
+        rms_px,
+        0.001,
+        0.01,
+        CALIBRATED_STD,
+        0.002,
+        0.01,
+        LensPrior(k, CALIBRATED_STD, "calibrated"),
+    )
 
 
 @pytest.mark.parametrize(("stage", "long_side", "rms_px"), [("loop", 640, 0.3), ("joint", 1280, 0.6)])
@@ -212,3 +241,25 @@ def test_the_evidence_goes_into_json_whole():
     assert data["rms_px_of_photo"] is None and data["translation_std_pct"] is None
     assert data["pose"] == {"R": np.eye(3).tolist(), "t": [0.0, 0.0, 0.0]} and data["of"] == "refined"
     assert set(data) == {f.name for f in fields(PoseQuality)}
+
+
+def test_a_photo_that_had_no_start_gets_no_advice_about_one():
+    """Every sentence of a verdict, and those of the loop, said of a camera that the map gave."""
+    poor = replace(GOOD, corners=12, agreement=0.1, views_used=1, inliers=1, focal_std_pct=5.0, lens_shift_pct=5.0)
+    speakers = [f for f in vars(sentences).values() if inspect.isfunction(f) and not f.__name__.startswith("_")]
+    made = [LOOKS_AWAY, TOO_FEW]
+    for speak in speakers:
+        parameters = inspect.signature(speak).parameters.values()
+        if parameters and all(p.annotation == "PoseQuality" for p in parameters):
+            told = speak(*[poor] * len(parameters))
+            made += [told] if isinstance(told, str) else told
+    about = re.compile(r"\bstart\b|closer|refine again|turn it")
+    assert len([sentence for sentence in made if about.search(sentence)]) >= 6
+    for sentence in made:
+        changed = sentences.without_start(sentence)
+        assert not about.search(changed), changed
+        assert changed.endswith(".") and ";." not in changed and ", ;" not in changed
+    assert sentences.without_start(sentences.another_place(poor)) == (
+        "No part of the photo sits on the splat clearly beyond chance; the photo may show another place; try more views of "
+        "the scan, known cameras, or another photo."
+    )
