@@ -83,6 +83,7 @@ class MapCache:
         self._scan_key = map_key(scan_digest(scene), base)
         self.key = f"{self._scan_key}.{map_key('', base, known)[:KNOWN_DIGITS] if known else ''}"
         self.files = place.files(self._scan_key)
+        self._told = False  # that it cannot be written
 
     def read(self) -> LandmarkMap:
         """The stored map, with no more views than the settings ask for; `complete` where none are left to be made. Empty
@@ -128,7 +129,9 @@ class MapCache:
                 log.info("the map cannot be written to '%s' (%s)", file, error.strerror or error)
                 continue
             return file
-        log.warning("The map cannot be written to '%s'; it is made again the next time.", self.files[0])
+        if not self._told:  # A map that grows is written several times.
+            log.warning("The map cannot be written to '%s'; it is made again the next time.", self.files[0])
+        self._told = True
         return None
 
     def _made(self, kept: LandmarkMap) -> Iterator[MapStep]:

@@ -85,14 +85,14 @@ def read_map(path: str | Path, key: str) -> LandmarkMap:
             arrays = {name: file[name] for name in COLUMNS} if ours else {}
             more = {name: file[name] for name in SEARCH_COLUMNS if name in file.files} if ours else {}
     except READ_ERRORS as error:
-        what = type(error).__name__
-        raise MapFileError(f"The map '{path.name}' cannot be read ({what}); it has to be made again.") from error
+        what = f"cannot be read ({error.strerror})" if isinstance(error, OSError) and error.strerror else "is damaged"
+        raise MapFileError(f"The map '{path.name}' {what}; it has to be made again.") from error
     if not arrays:
         raise MapFileError(f"The map '{path.name}' belongs to another scan, other settings or another version; make it again.")
     try:
         views, search = _views(arrays), search_of(head.get("search"), more)
     except (CameraError, ValueError, TypeError, KeyError) as error:
-        raise MapFileError(f"The map '{path.name}' holds impossible values ({error}); it has to be made again.") from error
+        raise MapFileError(f"The map '{path.name}' holds impossible values; it has to be made again.") from error
     return LandmarkMap(key, views, bool(head.get("complete")), search)
 
 

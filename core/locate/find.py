@@ -14,6 +14,7 @@ from ..geometry.camera import Camera
 from ..pose.refine import iterate_refinement
 from ..pose.report import RefineProgress, RefineReport, Verdict
 from ..pose.settings import RefineSettings
+from ..pose.verdict.sentences import without_start
 from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
 from .build import MapStep
@@ -152,6 +153,7 @@ class _Job:
         if self._best is None:
             return FindReport(None, "failed", (self.locator.located().reason,), None, None, views, seconds)
         found, start = self._best
+        found = replace(found, reasons=tuple(without_start(reason) for reason in found.reasons))
         camera = None if found.verdict == "failed" else found.camera
         return FindReport(camera, found.verdict, found.reasons, start, found, views, seconds)
 

@@ -12,6 +12,7 @@ from ..photos.lens_guess import guess_lens
 from ..photos.photo import Photo
 from ..pose.search.observe import PhotoFeatures, extract_photo_features
 from ..render.view import ViewRenderer
+from ..support.words import counted
 from .check import checked
 from .hypotheses import MIN_INLIERS, Hypothesis
 from .landmarks import LandmarkMap, MapView
@@ -130,15 +131,17 @@ class Locator:
         return any(one.same_as(other) and one.score < BETTER * other.score for other in earlier)
 
     def _reason(self) -> str:
+        features = counted(len(self.query.features), "feature")
         if self.blind:
-            return f"The photo shows only {len(self.query.features)} features; it is too dark, blurred or plain to be placed."
+            return f"The photo shows only {features}; it is too dark, blurred or plain to be placed."
         if self.views == 0:
             return "The map of the scan has no views, for the scan shows nothing to be found by; place the camera by hand."
         best = max((h.inliers for h in self._refused), default=0)
         agree = f"at most {best}" if best else f"fewer than {MIN_INLIERS}"
         return (
-            f"No place in the scan matches the photo: {agree} of its {len(self.query.features)} features agree on one, over "
-            f"{self.views} views of the map; it may show another place, so try more views or place the camera by hand."
+            f"No place in the scan matches the photo: {agree} of its {features} agree on one, over "
+            f"{counted(self.views, 'view')} of the map; it may show another place, so try more views or place the camera by "
+            "hand."
         )
 
 

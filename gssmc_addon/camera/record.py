@@ -50,6 +50,7 @@ class SolvedCamera:
 
     @property
     def keys_lens(self) -> bool:
+        """Whether the lens changes along the path, and so gets keyframes too."""
         return any(camera.intrinsics != self.camera.intrinsics for camera in self.path.values())
 
 
@@ -65,9 +66,10 @@ def read(data: bpy.types.Camera) -> SolvedCamera | None:
 
 
 def dumps(solution: SolvedCamera) -> str:
+    """The record as JSON text, which `loads` gives back; what JSON has no word for (NaN) must not be in it."""
     path = {str(frame): _numbers(camera, solution.camera) for frame, camera in solution.path.items()}
-    said = {name: getattr(solution, name) for name in NAMES}
-    return json.dumps({**camera_to_dict(solution.camera), **said, "reasons": list(solution.reasons), "path": path})
+    values = {name: getattr(solution, name) for name in NAMES}
+    return json.dumps({**camera_to_dict(solution.camera), **values, "reasons": list(solution.reasons), "path": path})
 
 
 def loads(text: str) -> SolvedCamera:

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from ...core.batch.find_one import RETRIED, not_found_either
 from ...core.geometry.camera import Camera, Pose
 from ...core.locate import (
     FindProgress,
@@ -137,13 +138,18 @@ class Finder:
             if self._map is not None:
                 self._map.keep()
 
-    def found_if_failed(self, inputs: RefineInputs) -> Generator[object, None, RefineReport]:
-        """A refinement from the camera that is there; where that fails, the search, whose report counts if it is better."""
+    def found_if_failed(self, inputs: RefineInputs, own: int = 0) -> Generator[object, None, RefineReport]:
+        """A refinement from the camera that is there, whose id is `own`; where that fails, the search, whose report counts if
+        it is better. The reasons tell of it.
+        """
         report: RefineReport = yield from refinement(inputs)
         if report.verdict != "failed":
             return report
-        found: FindReport = yield from self.finding(inputs)
-        return as_refined(found) or report
+        found: FindReport = yield from self.finding(inputs, own)
+        seconds, better = report.seconds + found.seconds, as_refined(found)
+        if better is None:
+            return replace(report, reasons=tuple(not_found_either(report.reasons, found.reasons)), seconds=seconds)
+        return replace(better, reasons=(*better.reasons, RETRIED), seconds=seconds)
 
     def from_where(self, found: FindReport) -> Where:
         """From what the last photo's camera was found; only of a trusted one, with which the search ends, that is known."""

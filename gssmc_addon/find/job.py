@@ -10,6 +10,7 @@ import bpy
 
 from ...core.geometry.camera import Camera
 from ...core.locate import FindProgress, FindReport, MapSettings
+from ...core.pose.report import RefineProgress
 from ...core.pose.settings import RefineSettings
 from ...core.render import memory
 from ..camera import record as camera_record
@@ -47,6 +48,20 @@ class FindJob(Job):
 
     def on_progress(self, news: FindProgress) -> None:
         self.fraction, self.step, self.detail = self._told(news)
+
+
+class RefineOrFindJob(refine_job.RefineJob):
+    """A refinement of one camera, and where that fails the search for it; its result is the RefineReport of the better one."""
+
+    def __init__(self, targets: refine_job.Targets, inputs: RefineInputs, finder: Finder, copying: SplatCopying) -> None:
+        super().__init__(targets, inputs, copying, partial(finder.found_if_failed, inputs, targets.camera))
+        self._told = Told(finder)
+
+    def on_progress(self, news: RefineProgress | FindProgress) -> None:
+        if isinstance(news, RefineProgress):
+            super().on_progress(news)
+        else:
+            self.fraction, self.step, self.detail = self._told(news)
 
 
 class Told:
@@ -98,11 +113,30 @@ def prepare(
 
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
+    return FindJob(*_prepared(scene, splat, camera, settings))
+
+
+def prepare_refinement(
+    scene: bpy.types.Scene,
+    splat: bpy.types.Object | None,
+    camera: bpy.types.Object | None,
+    settings: RefineSettings,
+) -> RefineOrFindJob:
+    """As `prepare`, for a refinement that the search follows only where it fails."""
+    return RefineOrFindJob(*_prepared(scene, splat, camera, settings))
+
+
+def _prepared(
+    scene: bpy.types.Scene,
+    splat: bpy.types.Object | None,
+    camera: bpy.types.Object | None,
+    settings: RefineSettings,
+) -> tuple[refine_job.Targets, RefineInputs, Finder, SplatCopying]:
     splat = splat_object.picked(scene, splat)
     copying = SplatCopying(splat)
     renderer = SplatRenderer(copying, settings.threads, keeps=True)
     job = refine_job.prepare(scene, splat, camera, settings, renderer)
-    return FindJob(job.targets, job.inputs, finder_of(scene, splat, renderer), copying)
+    return job.targets, job.inputs, finder_of(scene, splat, renderer), copying
 
 
 def finder_of(scene: bpy.types.Scene, splat: bpy.types.Object, renderer: SplatRenderer) -> Finder:
@@ -120,8 +154,8 @@ def finder_of(scene: bpy.types.Scene, splat: bpy.types.Object, renderer: SplatRe
 def solved_cameras(scene: bpy.types.Scene) -> list[tuple[int, Camera]]:
     """Session id and solution of every camera of the scene that is trusted and still as it was solved."""
     trusted = [o for o in scene.objects if o.type == "CAMERA" and camera_solution.verdict(scene, o) == "TRUSTED"]
-    found = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
-    return [(uid, record.camera_at(scene.frame_current) or record.camera) for uid, record in found if record]
+    records = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
+    return [(uid, record.camera_at(scene.frame_current) or record.camera) for uid, record in records if record]
 
 
 def apply_report(targets: refine_job.Targets, report: FindReport) -> str:

@@ -9,7 +9,8 @@ from typing import Any, Literal
 
 import bpy
 
-from ...core.cli.outcome import Outcome
+from ...core.cameras.files import solved_lens
+from ...core.cli.outcome import Outcome, has_camera
 from ...core.errors import GssmcError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera
@@ -63,7 +64,7 @@ def _verdicts(outcome: Outcome, results: Path | None) -> list[dict[str, Any]]:
         return [report_to_dict(report) for report in outcome.reports]
     if outcome.photos and results:
         frames: list[dict[str, Any]] = json.loads(results.read_text(encoding="utf-8"))["frames"]
-        return [frame for frame in frames if frame["R"] is not None]  # as the outcome's cameras: photos that were found
+        return [frame for frame in frames if has_camera(frame)]
     return [{} for _ in outcome.cameras]
 
 
@@ -98,7 +99,7 @@ def _keep_verdict(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -
     if said["verdict"] == "failed":
         camera_props.keep_verdict(obj.data, "failed", said["reasons"], rounds, said["seconds"])
         return
-    solved = said.get("lens", "fixed") != "fixed" and not camera.focal_guessed
+    solved = solved_lens(said) and not camera.focal_guessed
     state = "SOLVED" if solved else obj.data.gssmc.lens_state
     depth = (said.get("quality") or {}).get("median_depth") or 0.0
     reasons = tuple(said["reasons"])

@@ -65,7 +65,7 @@ def test_the_default_preset_fills_untouched_settings(bpy, own, splat_file):
 
 def test_the_log_file_gets_the_engines_words(bpy, own, scene, tmp_path):
     own.log_file = str(tmp_path / "log.txt")
-    bpy.ops.gssmc.refine()
+    bpy.ops.gssmc.refine(locate=False)
     assert "failed after" in (tmp_path / "log.txt").read_text()
     own.log_file = str(tmp_path / "none" / "log.txt")
     assert logging.getLogger(MODULE).handlers == []
@@ -73,7 +73,7 @@ def test_the_log_file_gets_the_engines_words(bpy, own, scene, tmp_path):
 
 def test_a_problem_is_reported_with_versions_and_the_last_record(bpy, scene, extension):
     problem = extension("gssmc_addon.support.problem")
-    bpy.ops.gssmc.refine()
+    bpy.ops.gssmc.refine(locate=False)
     text = problem.text(bpy.context)
     for words in ("GS-SMC 0.", f"Blender {bpy.app.version_string}", "Python 3.", "numpy ", "cv2 5", '"verdict": "failed"'):
         assert words in text
