@@ -22,8 +22,6 @@ from ..support.atomic import atomic_write
 from .types import lens_of_file
 
 T = TypeVar("T")
-# Values of a result's "lens" that mean that the lens was solved for. Such a lens is no calibration.
-SOLVED_LENSES = ("focal", "radial", "full")
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 
 
@@ -119,9 +117,19 @@ def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
     if not isinstance(guessed, bool):
         raise CameraError(f'{name} has the entry "focal_guessed", which is neither true nor false; correct it.')
     try:
-        return StartCamera(Pose(R, t), file, lens, guessed or lens is None or data.get("lens") in SOLVED_LENSES)
+        return StartCamera(Pose(R, t), file, lens, guessed or lens is None or solved_lens(data))
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
+
+
+def solved_lens(data: dict[str, Any]) -> bool:
+    """Whether the lens of a result was solved for, as its "lens" says: such a lens is no calibration. Older results name there
+    what was solved for.
+    """
+    said = data.get("lens")
+    if isinstance(said, dict):
+        return any(isinstance(number, dict) and number.get("state") == "solved" for number in said.values())
+    return said in ("focal", "radial", "full")
 
 
 def _check_keys(data: Any, keys: tuple[str, ...], name: str) -> None:

@@ -22,6 +22,9 @@ from .hypotheses import Hypothesis
 from .landmarks import LandmarkMap
 from .locate import FIRST_STAGE, Locator, PhotoLens
 
+RIVALS = (
+    "The photo fits other places of the scan as well, which look the same; look whether the camera stands at the right one."
+)
 REFINEMENTS = 4  # of one photo at most: each costs as much as the rest together
 RANK: dict[Verdict, int] = {"trusted": 2, "check": 1, "failed": 0}
 
@@ -132,6 +135,8 @@ class _Job:
             start = located.camera(one, self._target.photo.file)
             work = iterate_refinement(self._renderer, self._target.photo, start, self._settings)
             report = yield from converted(work, lambda p: FindProgress("refining", 0.5 + 0.5 * p.fraction, len(landmarks), p))
+            if report.verdict != "failed" and self.locator.rivals(one):
+                report = replace(report, verdict="check", reasons=(RIVALS, *report.reasons))
             self._keep(report, one)
 
     def _settled(self, one: Hypothesis) -> bool:

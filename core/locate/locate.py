@@ -24,6 +24,7 @@ MIN_FEATURES = 30
 FIRST_STAGE = 10  # views of the map that are tried first; then twice as many, and so on
 CHECKS_A_STAGE, WEAK_CHECKS = 4, 4  # renders at hypotheses: at most, in a stage; of weak ones, for a photo
 WEAK_INLIERS = 25
+RIVAL = 0.5  # of the score of a photo's hypothesis, from which that of another place is as good
 BETTER = 1.5  # times the score of an earlier hypothesis of the same place, from which that is looked at again
 
 
@@ -103,6 +104,21 @@ class Locator:
             if one.clear:
                 break
         return new
+
+    def rivals(self, winner: Hypothesis) -> list[Hypothesis]:
+        """Other places that the photo fits about as well as the confirmed `winner`'s, the best first; among equal doors there
+        are many. Only what the map shows so far can be told.
+        """
+        found = []
+        checks = CHECKS_A_STAGE
+        for one in self._search.hypotheses(all_seeds=True):
+            if checks == 0 or one.same_as(winner) or one.score < RIVAL * winner.score:
+                continue
+            checks -= 1
+            other = checked(self._renderer, self.query, one, self._frontend)
+            if other is not None and not other.same_as(winner) and other.score >= RIVAL * winner.score:
+                found.append(other)
+        return found
 
     def located(self) -> Located:
         """All that was confirmed so far, the best first."""

@@ -40,6 +40,11 @@ def guess_lens_of_file(path: Path) -> LensGuess:
     return _guess(facts.width, facts.height, facts.focal_35mm)
 
 
+def guess_lens_of_size(width: int, height: int) -> LensGuess:
+    """The guess for a photo of that size that tells nothing of its lens."""
+    return _guess(width, height, None)
+
+
 def _guess(width: int, height: int, focal_35mm: float | None) -> LensGuess:
     if focal_35mm is None:
         focal = max(width, height) / 2 / math.tan(math.radians(DEFAULT_FOV_DEG / 2))

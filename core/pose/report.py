@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ..geometry.camera import Camera, Pose
+from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
 
 Verdict = Literal["trusted", "check", "failed"]
 NAN = float("nan")
@@ -36,6 +36,34 @@ class RefineProgress:
     record: IterationRecord | None = None
 
 
+LensState = Literal["given", "solved", "held"]
+# The numbers of a lens that a report tells of, in this order.
+LENS_NUMBERS = ("focal", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "squeeze")
+
+
+@dataclass(frozen=True)
+class LensNumber:
+    """One number of a lens: "given" with a calibration, "solved" for, or "held" at its guess because the matches did not ask
+    for another one. `std`: standard deviation of the value, infinite where nothing bounds it. "focal" (the geometric mean
+    of fx and fy), "cx" and "cy" are pixels of the photo at its full size, "squeeze" is fx / fy.
+    """
+
+    name: str
+    state: LensState
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, eq=False)
+class LensEvidence:
+    """What a photo's matches know, for `shared_lens.share_lens`: `information` (15, 15) by xi (scene units, radians) and the
+    numbers of `lens.NAMES`, at the photo's own solution; `guess`: the lens that its prior was about, at the photo's full size.
+    """
+
+    information: FloatArray
+    guess: Intrinsics
+
+
 EvidenceOf = Literal["refined", "start", "rejected"]
 
 
@@ -55,11 +83,15 @@ class PoseQuality:
     coverage: share (0..1) of the photo's 6 x 6 cells that hold an inlier; rms_px_of_photo: RMS of those inliers' distances from
     their epipolar lines; disagreement_pct, disagreement_deg: distance between the answers of two halves of the views (NaN with
     fewer than four views); translation_std_pct, rotation_std_deg, focal_std_pct: standard deviations, from the fit's covariance
-    widened by what the fit cannot know (`verdict.SHARED_ERROR`); lens_gain_pct: by how much the RMS falls where focal length,
-    k1 and k2 are free as well (0 when they were); corners: the photo's corners over the splat that were looked at; agreement:
-    share of them (0..1) that sit on the final render; offset_px_of_photo: median distance of those that could be followed;
-    similarity: correlation (-1..1) of photo and render, free of exposure. A start that was kept took no part in a fit: only
-    the last four are known of it.
+    which knows what the splat's own errors (`joint.SHARED_ERROR`) and a lens that was not solved for may add; lens_log_odds: by
+    how much another lens makes the matches likelier (`lens_doubt`, a natural logarithm), lens_shift_pct, lens_shift_deg: how
+    far that lens would move the camera; corners: the photo's corners over the splat that were looked at; agreement: share of
+    them (0..1) that sit on the final render; offset_px_of_photo: median distance of those that could be followed;
+    similarity: correlation (-1..1) of photo and render, free of exposure. Of the part of the photo in which the render sits:
+    region_corners: corners that stay in place there; region_share: (0..1) of all corners there; region_expected: how many would
+    by chance; region_area: share (0..1) of the photo within their hull; region_offset_px_of_photo: their median displacement;
+    unrivalled: share (0..1) of patches there that the render shows nowhere around better than in their place. A start that was
+    kept took no part in a fit: only what follows lens_shift_deg here is known of it.
     """
 
     of: EvidenceOf
@@ -79,7 +111,15 @@ class PoseQuality:
     translation_std_pct: float = NAN
     rotation_std_deg: float = NAN
     focal_std_pct: float = NAN
-    lens_gain_pct: float = 0.0
+    lens_log_odds: float = NAN
+    lens_shift_pct: float = 0.0
+    lens_shift_deg: float = 0.0
+    region_corners: int = 0
+    region_share: float = 0.0
+    region_expected: float = 0.0
+    region_area: float = 0.0
+    region_offset_px_of_photo: float = NAN
+    unrivalled: float = NAN
 
 
 @dataclass(frozen=True)
@@ -88,7 +128,9 @@ class RefineReport:
 
     `reasons` are whole sentences in plain words, the decisive one first, `details` the figures behind them for who knows the
     terms; `seconds` is wall time; `quality` is the evidence and says which pose it belongs to, None when no pose was found;
-    `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop"), `lens` what of the lens was solved for.
+    `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop"); `lens` says of each number of the lens
+    whether it was solved for and how sure it is, empty where no pose was found; `lens_evidence` is what the photo can tell
+    other photos of that lens, None where not all of it was solved for.
     """
 
     camera: Camera
@@ -99,5 +141,11 @@ class RefineReport:
     seconds: float
     quality: PoseQuality | None = None
     stage: str = ""
-    lens: str = "fixed"
+    lens: tuple[LensNumber, ...] = ()
+    lens_evidence: LensEvidence | None = None
     details: tuple[str, ...] = ()
+
+    @property
+    def solved_lens(self) -> bool:
+        """Whether anything of the lens was solved for."""
+        return any(number.state == "solved" for number in self.lens)

@@ -6,11 +6,16 @@ import math
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+
 from ..cameras.files import StartCamera, camera_to_dict
 from ..cameras.unplaced import Unplaced, wanted_to_dict
-from ..geometry.camera import Camera, Pose
-from .report import IterationRecord, PoseQuality, RefineReport
+from ..errors import CameraError
+from ..geometry.camera import Camera, Intrinsics, Pose
+from .report import LENS_NUMBERS, IterationRecord, LensEvidence, PoseQuality, RefineReport
 
+# Six of the pose, and those of the lens.
+LENS_UNKNOWNS = 6 + len(LENS_NUMBERS)
 VERDICTS = ("trusted", "check", "failed")
 
 
@@ -24,8 +29,9 @@ def report_to_dict(report: RefineReport) -> dict[str, Any]:
         "iterations": [_iteration(record) for record in report.iterations],
         "seconds": round(report.seconds, 3),
         "quality": quality_to_dict(report.quality) if report.quality else None,
+        "lens_evidence": None if report.lens_evidence is None else _evidence(report.lens_evidence),
         "stage": report.stage,
-        "lens": report.lens,
+        "lens": {n.name: {"state": n.state, "value": n.value, "std": _number(n.std)} for n in report.lens},
         "start": pose_to_dict(report.start.pose),
     }
 
@@ -49,6 +55,26 @@ def quality_to_dict(quality: PoseQuality) -> dict[str, Any]:
     """The evidence; "of" says of which pose, which "pose" holds."""
     values = {field.name: getattr(quality, field.name) for field in fields(quality)}
     return {name: _value(value) for name, value in values.items()}
+
+
+def _evidence(known: LensEvidence) -> dict[str, Any]:
+    """What is known of the lens: the upper triangle of the information, row by row, and the guess as a list of numbers."""
+    k = known.guess
+    rows = known.information[np.triu_indices(len(known.information))]
+    return {"information": rows.tolist(), "guess": [k.width, k.height, k.fx, k.fy, k.cx, k.cy, *k.dist]}
+
+
+def evidence_from_dict(data: Any) -> LensEvidence | None:
+    """The evidence that a record holds; None where it holds none that can be used."""
+    try:
+        rows, guess = np.array(data["information"], np.float64), [float(number) for number in data["guess"]]
+        information = np.zeros((LENS_UNKNOWNS, LENS_UNKNOWNS))
+        information[np.triu_indices(LENS_UNKNOWNS)] = rows
+        width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3 = guess
+        k = Intrinsics(int(width), int(height), fx, fy, cx, cy, (k1, k2, p1, p2, k3))
+    except (TypeError, KeyError, ValueError, IndexError, CameraError):
+        return None
+    return LensEvidence(information + np.triu(information, 1).T, k) if np.isfinite(information).all() else None
 
 
 def _value(value: Any) -> Any:

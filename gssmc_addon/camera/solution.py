@@ -44,7 +44,7 @@ TITLES = {
 
 def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
     """The solution that a refinement found; its lens counts as solved where it was solved for."""
-    solved = report.lens != "fixed" and report.camera is not report.start
+    solved = report.solved_lens and report.camera is not report.start
     depth = report.quality.median_depth if report.quality else 0.0
     return SolvedCamera(
         report.camera,

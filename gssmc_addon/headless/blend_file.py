@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import bpy
 
+from ...core.cameras.files import solved_lens
 from ...core.cli.outcome import Outcome, has_camera
 from ...core.errors import GssmcError
 from ...core.geometry import conventions
@@ -98,7 +99,7 @@ def _keep_verdict(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -
     if said["verdict"] == "failed":
         camera_props.keep_verdict(obj.data, "failed", said["reasons"], rounds, said["seconds"])
         return
-    solved = said.get("lens", "fixed") != "fixed" and not camera.focal_guessed
+    solved = solved_lens(said) and not camera.focal_guessed
     state = "SOLVED" if solved else obj.data.gssmc.lens_state
     depth = (said.get("quality") or {}).get("median_depth") or 0.0
     reasons = tuple(said["reasons"])

@@ -5,6 +5,7 @@ Blender's data may change under a running job (undo, deletion, another file), so
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,7 +20,7 @@ from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import solution as camera_solution
 from ..jobs.machine import Job
-from ..jobs.worker import RefineInputs, refinement
+from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..photo import mask as mask_source
@@ -73,8 +74,15 @@ class RefineJob(Job):
 
     status = n_("Refining the camera    Esc: cancel")
 
-    def __init__(self, targets: Targets, inputs: RefineInputs, copying: SplatCopying | None = None) -> None:
-        super().__init__(partial(refinement, inputs), copying)
+    def __init__(
+        self,
+        targets: Targets,
+        inputs: RefineInputs,
+        copying: SplatCopying | None = None,
+        work: Callable[[], Steps] | None = None,
+    ) -> None:
+        """`work`: what is done in place of the refinement alone."""
+        super().__init__(work or partial(refinement, inputs), copying)
         self.targets = targets
         self.inputs = inputs
 

@@ -11,10 +11,10 @@ from typing import Any, get_args
 
 from ...cameras import PoseSet, Split
 from ...cameras.evaluate import STYLES, Scores, average, pose_errors, score, table
-from ...cameras.scenes import Scene, find_scenes, poses_of
 from ...support.words import counted
 from ..console import message, say
 from ..outcome import OK, Outcome
+from ..scenes import Scene, find_scenes, poses_of
 
 AVERAGE = "average"
 START = "start"

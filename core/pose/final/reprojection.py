@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...geometry.camera import FloatArray
-from ..shared.lens import CameraUnknowns
+from ..shared.lens import CameraUnknowns, Free
 from ..shared.matches import BoolArray, ViewMatches, bearings, world_points
 
 MIN_DEPTH = 1e-12
@@ -73,28 +73,35 @@ class Reprojection:
         (x, y), r = self.along, self.residual
         return np.asarray((r[1] * x - r[0] * y) / np.maximum(_length(self.along), MIN_LENGTH))
 
-    def jacobian(self, W: FloatArray, free: int = 0) -> FloatArray:
-        """Derivative (6 + F, 2, M) of the residuals by xi = (rho, phi), T <- exp(xi) T, then the F free lens numbers
-        (`lens.NAMES`, 0..5), multiplied by `W` (2, 2, M), as `whitening` gives it.
+    def jacobian(self, W: FloatArray, free: Free = ()) -> FloatArray:
+        """Derivative (6 + F, 2, M) of the residuals by xi = (rho, phi), T <- exp(xi) T, then the F lens numbers `free`,
+        multiplied by `W` (2, 2, M), as `whitening` gives it.
         """
-        k, n, (x, y, z) = self.camera.intrinsics, self.ideal, self.points
-        J = np.empty((6 + free, 2, n.shape[1]))
+        n, (x, y, z) = self.ideal, self.points
+        J = np.empty((6 + len(free), 2, n.shape[1]))
         J[0], J[1] = (apply(W, column) for column in self.slope)
         J[2] = -(n[0] * J[0] + n[1] * J[1])
         J[3], J[4], J[5] = y * J[2] - z * J[1], z * J[0] - x * J[2], x * J[1] - y * J[0]
-        if free:
-            focal, r2 = np.array([[k.fx], [k.fy]]), (n * n).sum(0)
-            distorted = focal * k.distort_normalised(n.T).T
-            columns = (
-                distorted,
-                focal * n * r2,
-                focal * n * r2 * r2,
-                np.array([[k.focal], [0.0]]),
-                np.array([[0.0], [k.focal]]),
-            )
-            for i, column in enumerate(columns[:free]):
-                J[6 + i] = apply(W, column)
+        for i, number in enumerate(free):
+            J[6 + i] = apply(W, self._by_lens(number))
         return J
+
+    def _by_lens(self, number: int) -> FloatArray:
+        """Derivative (2, M), or (2, 1) where it is the same for all, of the pixels by one lens number, by its place in
+        `lens.NAMES`.
+        """
+        k, (x, y) = self.camera.intrinsics, self.ideal
+        focal = np.array([[k.fx], [k.fy]])
+        if number in (0, 8):
+            distorted = focal * k.distort_normalised(self.ideal.T).T
+            return np.asarray(distorted if number == 0 else np.array([[0.5], [-0.5]]) * distorted)
+        if number in (1, 2):
+            return np.array([[k.focal], [0.0]]) if number == 1 else np.array([[0.0], [k.focal]])
+        r2 = x * x + y * y
+        if number in (5, 6):
+            twice = 2 * x * y
+            return np.asarray(focal * ([twice, r2 + 2 * y * y] if number == 5 else [r2 + 2 * x * x, twice]))
+        return np.asarray(focal * self.ideal * r2 ** {3: 1, 4: 2, 7: 3}[number])
 
 
 def reproject(camera: CameraUnknowns, matches: Lifted) -> Reprojection:

@@ -7,7 +7,7 @@ import os
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from ...geometry.camera import Intrinsics, Pose, pose_error
 from ...render.view import ViewRenderer, sole_renderer
 from ..search.hypotheses import candidate_poses
 from ..settings import RefineSettings
-from ..shared.lens import CameraUnknowns, LensMode
-from ..shared.matches import ViewMatches
+from ..shared.lens import ALL, MODES, CameraUnknowns, Free, LensPrior
+from ..shared.matches import ViewMatches, bearings
 from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
 from .guided import Corners, PosedRender, follow, match_corners, pick_corners
-from .joint import FIT_KINDS, FitKind, JointFit, JointProblem, fit_distortion, fit_joint, held_out_px, rms_gain
+from .joint import FIT_KINDS, FitKind, JointFit, JointProblem, fit_joint, held_out_px
 from .solution import FittedCamera, from_joint
 
 log = logging.getLogger(__name__)
@@ -29,12 +29,11 @@ log = logging.getLogger(__name__)
 MIN_CORNERS = 40
 MIN_VIEWS = 2
 MAX_PASSES = 3
-# A pass that moved the camera by less than this share of the median depth, and the angle and zoom below, ends the stage.
+# A pass ends the stage that moved the camera by less than this share of the median depth and this angle, and the photo's
+# pixels, by its other lens, by less than this share of the long side.
 SETTLED = 0.003
 SETTLED_DEG = 0.15
-SETTLED_FOCAL = 0.002
-# If distortion lowers the RMS by this share, the photo has a distortion that the given lens lacks.
-DISTORTION_GAIN = 0.2
+SETTLED_LENS = 0.001
 # Another fit replaces the joint one only where its error on the held-out matches is smaller by this factor.
 AUTO_MARGIN = 0.97
 
@@ -51,14 +50,24 @@ def view_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
 
 @dataclass(frozen=True)
 class FinalStage:
-    """The fixed inputs of the last stage; `run` does the work. `prior`: the lens as it was given, at the photo's working size;
-    `mode`: what of the lens is solved for.
+    """The fixed inputs of the last stage; `run` does the work. `prior`: what is known of the lens, at the photo's working size;
+    `free`: what of it is solved for.
     """
 
     renderer: ViewRenderer
     settings: RefineSettings
-    prior: Intrinsics
-    mode: LensMode
+    prior: LensPrior
+    free: Free
+
+    @classmethod
+    def of(cls, renderer: ViewRenderer, settings: RefineSettings, prior: LensPrior) -> FinalStage:
+        """The stage that solves for what the settings name; "auto" takes a calibration as it is, and all of a lens that is a
+        guess is solved for: each number under its prior, so that what the matches cannot tell stays where it was guessed.
+        """
+        if settings.lens == "auto":
+            return cls(renderer, settings, prior, () if prior.calibrated else ALL)
+        free = MODES[settings.lens]
+        return cls(renderer, settings, prior.solving(free), free)
 
     def run(
         self, photo: WorkingPhoto, start: CameraUnknowns, rng: np.random.Generator
@@ -67,22 +76,18 @@ class FinalStage:
         is seen. A pass that still moved the camera is repeated from where it ended, because matches are looked for around the
         pose.
         """
-        stage, camera, last = self, start, None
+        camera, last = start, None
         for _ in range(MAX_PASSES):
             photo = photo.with_intrinsics(camera.intrinsics)
-            result = yield from stage._pass(photo, camera, rng)
+            result = yield from self._pass(photo, camera, rng)
             if result is None:
                 break
             last, before, camera = result, camera, result.fit.camera
-            if last.fit.problem.mode != stage.mode:
-                # Another lens moves the photo's pixels, which is a move like any other.
-                stage = replace(stage, mode=last.fit.problem.mode)
-            elif _settled(before, camera, last.median_depth):
+            if _settled(before, camera, last.median_depth):
                 break
         if last is None:
             return None
-        distorted = last.distorted or fit_distortion(last.fit)
-        return from_joint(last.fit, last.median_depth, rms_gain(last.fit, distorted))
+        return from_joint(last.fit, last.median_depth)
 
     def _pass(
         self, photo: WorkingPhoto, camera: CameraUnknowns, rng: np.random.Generator
@@ -103,8 +108,7 @@ class FinalStage:
         views = [v for v in views if len(v) >= MIN_CORNERS]
         if len(views) < MIN_VIEWS:
             return None
-        fit, distorted = self._solve(camera, views, reference, photo.intrinsics)
-        return _PassResult(fit, depth, distorted)
+        return _PassResult(self._solve(camera, views, reference, photo.intrinsics), depth)
 
     def _followed(
         self, photo: WorkingPhoto, pose: Pose, poses: Sequence[Pose], corners: Corners
@@ -118,47 +122,46 @@ class FinalStage:
                 out.append(view.result())
         return out
 
-    def _solve(
-        self, camera: CameraUnknowns, views: Sequence[ViewMatches], reference: ViewMatches, k: Intrinsics
-    ) -> tuple[JointFit, JointFit | None]:
+    def _solve(self, camera: CameraUnknowns, views: Sequence[ViewMatches], reference: ViewMatches, k: Intrinsics) -> JointFit:
         """The fit of the kind that the settings name; "auto" takes the kind that best explains the reference view's matches,
         which take no part in those fits: at (nearly) no baseline they lean neither to epipolar lines nor to depth.
-
-        Where the focal length was guessed and nothing else is said of the lens, the same fit is made with distortion and takes
-        the first one's place if it is clearly better. It is the second result, None where it was not made.
         """
-        problem = JointProblem.of(views, k, self.prior, self.mode)
+        problem = JointProblem.of(views, k, self.prior, self.free)
         if self.settings.final in FIT_KINDS:
             kind: FitKind = self.settings.final
             start = camera
         else:
             fits = {kind: fit_joint(camera, problem, kind) for kind in FIT_KINDS}
-            kind = choose(fits, JointProblem.of([reference], k, self.prior, self.mode))
+            kind = choose(fits, JointProblem.of([reference], k, self.prior, self.free))
             start = fits[kind].camera
         if kind != "epipolar" and len(reference) >= MIN_CORNERS:
             # The choice was made without the reference view and the fit is made with it. An epipolar fit leaves it out, because
             # lines of (nearly) no baseline would only turn with the noise.
-            problem = JointProblem.of([*views, reference], k, self.prior, self.mode)
-        fit = fit_joint(start, problem, kind)
-        if self.mode == "focal" and self.settings.lens == "auto":
-            distorted = fit_distortion(fit)
-            return (distorted if rms_gain(fit, distorted) > DISTORTION_GAIN else fit), distorted
-        return fit, None
+            problem = JointProblem.of([*views, reference], k, self.prior, self.free)
+        return fit_joint(start, problem, kind)
 
 
 @dataclass(frozen=True, eq=False)
 class _PassResult:
-    """What a pass came to: the fit, the median rendered depth (scene units), and the fit with distortion where it was made."""
+    """What a pass came to: the fit, and the median rendered depth (scene units)."""
 
     fit: JointFit
     median_depth: float
-    distorted: JointFit | None
 
 
 def _settled(before: CameraUnknowns, after: CameraUnknowns, depth: float) -> bool:
     distance, degrees = pose_error(after.pose, before.pose)
-    zoomed = abs(np.log(after.intrinsics.focal / before.intrinsics.focal))
-    return bool(distance < SETTLED * depth and degrees < SETTLED_DEG and zoomed < SETTLED_FOCAL)
+    return distance < SETTLED * depth and degrees < SETTLED_DEG and _lens_moved(before, after) < SETTLED_LENS
+
+
+def _lens_moved(before: CameraUnknowns, after: CameraUnknowns) -> float:
+    """How far the other lens moves the photo's border at most, as a share of its long side."""
+    k = before.intrinsics
+    if after.intrinsics == k:
+        return 0.0
+    border = np.array([(x, y) for x in (0.0, k.width / 2, k.width) for y in (0.0, k.height / 2, k.height)])
+    moved = after.intrinsics.project(bearings(k.normalise(border))) - border
+    return float(np.linalg.norm(moved, axis=1).max()) / max(k.width, k.height)
 
 
 def choose(fits: dict[FitKind, JointFit], held_out: JointProblem) -> FitKind:

@@ -16,7 +16,6 @@ from ...support.words import counted
 from ..final.stage import view_pool
 from ..report import IterationRecord, RefineProgress
 from ..settings import RefineSettings
-from ..shared.lens import LensMode
 from ..shared.matches import ViewMatches
 from ..verdict.verify import FinalView, compare
 from .epipolar import EpipolarFit, measure_epipolar
@@ -86,8 +85,8 @@ class Fan:
 
 @dataclass(frozen=True)
 class IterationStart:
-    """What an iteration begins with: its number from 0, the photo, the lens as it was given, the pose that the reference view
-    is drawn at, and whether no earlier iteration had an answer.
+    """What an iteration begins with: its number from 0 in the whole refinement, the photo, the lens as it was given, the pose
+    that the reference view is drawn at, and whether no earlier iteration of this run had an answer.
     """
 
     index: int
@@ -112,15 +111,16 @@ class IterationEnd:
 
 @dataclass(frozen=True)
 class Loop:
-    """One refinement's fixed inputs; `run` does the iterations. `mode`: what of the lens is solved for; `extract`: the photo
-    with the features that a frontend finds in it.
+    """One refinement's fixed inputs; `run` does the iterations. `solves_focal`: the focal length is unknown; `extract`: the
+    photo with the features that a frontend finds in it; `wide`: whether the first fan is a wide one.
     """
 
     renderer: ViewRenderer
     settings: RefineSettings
     frontend: Frontend
-    mode: LensMode
+    solves_focal: bool
     extract: Callable[[Frontend], PhotoFeatures]
+    wide: bool = False
 
     def stronger(self, photo: PhotoFeatures, usable: int, views: int) -> tuple[Loop, PhotoFeatures]:
         """The loop and the photo with the kind of features that takes over where `usable` of `views` views gave no answer; the
@@ -136,7 +136,8 @@ class Loop:
     ) -> Generator[RefineProgress, None, LoopResult]:
         """Iterates from `start` and returns the best answer; appends to `records`."""
         settings, prior = self.settings, photo.image.intrinsics
-        fan = narrow = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
+        narrow = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
+        fan = narrow.wider() if self.wide else narrow
         pose, best, loop, out = start, None, self, LoopResult(None)
         for index in range(settings.iterations):
             observations = yield from loop._observe(photo, pose, fan, index, rng)
@@ -146,7 +147,7 @@ class Loop:
             if index == 0:
                 at_start = compare(photo.image, reference.grey, reference.solid)
                 out = replace(out, start=at_start, start_depth=reference.median_depth)
-            end = loop._solve(IterationStart(index, photo, prior, pose, first=best is None), observations)
+            end = loop._solve(IterationStart(len(records), photo, prior, pose, first=best is None), observations)
             records.append(end.record)
             yield self._progress(index + 1, "iteration done", index + 1, end.record)
             photo, answer = end.photo, end.answer
@@ -193,7 +194,7 @@ class Loop:
     def _solve(self, start: IterationStart, observations: list[Observation]) -> IterationEnd:
         """The focal length where it is unknown, then the coarse and the fine stage on one iteration's views."""
         photo, settled = start.photo, True
-        if self.mode != "fixed":
+        if self.solves_focal:
             refocused = refocus(photo, observations, start.prior, start.first)
             photo, observations, settled = refocused.photo, refocused.observations, refocused.settled
         K = photo.pinhole.matrix

@@ -5,7 +5,7 @@ All pixels are those of the photo as it is. A figure that there is not, or that 
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, log
 
 from ...support.words import counted
 from ..report import PoseQuality
@@ -48,10 +48,7 @@ def share(value: float) -> str:
 
 
 def trusted(q: PoseQuality) -> tuple[str, ...]:
-    if isfinite(q.offset_px_of_photo):
-        fits = f"The splat sits on the photo to {pixels(q.offset_px_of_photo)}."
-    else:
-        fits = f"Of the photo's corners {share(q.agreement)} sit where the splat shows them."
+    fits = f"The splat sits on the photo to {pixels(q.region_offset_px_of_photo)}."
     return fits, f"{counted(q.views_used, 'view')} of the splat from around it lead to the same camera."
 
 
@@ -69,13 +66,25 @@ def _few_corners(q: PoseQuality) -> str:
 
 def another_place(q: PoseQuality) -> str:
     return (
-        f"Only {share(q.agreement)} of the photo's corners sit where the splat shows them; the photo may show another "
-        f"place, or the start was too far off; {CLOSER}"
+        "No part of the photo sits on the splat clearly beyond chance; the photo may show another place, or the start was too "
+        f"far off; {CLOSER}"
     )
 
 
 def fits_in_part(q: PoseQuality) -> str:
-    return f"Only {share(q.agreement)} of the photo's corners sit where the splat shows them; compare the two by eye."
+    if not isfinite(q.region_offset_px_of_photo):
+        return "No part of the photo sits on the splat; compare the two by eye."
+    return (
+        f"The splat sits on {share(q.region_area)} of the photo, with {q.region_corners} corners to "
+        f"{pixels(q.region_offset_px_of_photo)}; compare the two by eye."
+    )
+
+
+def repeats(q: PoseQuality) -> str:
+    return (
+        "The place repeats itself: other parts of the splat look as much like what the photo shows; check that the camera is "
+        "not a window or a tile off."
+    )
 
 
 def start_kept(start: PoseQuality, refined: PoseQuality) -> str:
@@ -83,6 +92,25 @@ def start_kept(start: PoseQuality, refined: PoseQuality) -> str:
         f"The start camera fits the photo better ({share(start.agreement)} of its corners against "
         f"{share(refined.agreement)}) and was kept."
     )
+
+
+def two_places(distance_pct: float, degrees: float) -> str:
+    return (
+        f"Another camera, {per_cent(distance_pct)} of the distance to the scene and {degrees:.1f} degrees away, sits on the "
+        "photo as well; compare the two by eye."
+    )
+
+
+def tried_again(distance_pct: float, degrees: float, same: bool) -> str:
+    came = "the same camera" if same else "another camera"
+    return (
+        f"Because of a doubt the photo was tried again from a wider fan of views, which led to {came}, {distance_pct:.3f} % of "
+        f"the median depth and {degrees:.3f} degrees away; the better one counts."
+    )
+
+
+def tried_in_vain() -> str:
+    return "Because of a doubt the photo was tried again from a wider fan of views, which led to no camera."
 
 
 def few_views(q: PoseQuality) -> str:
@@ -126,13 +154,18 @@ def focal_uncertain(q: PoseQuality) -> str:
 
 
 def other_lens(q: PoseQuality) -> str:
-    better = f"{q.lens_gain_pct:.0f} % better" if isfinite(q.lens_gain_pct) else "much better"
-    return f"With another focal length and distortion the matches fit {better}; check the lens, or have it solved for in full."
+    what = "check the lens, or have it solved for"
+    where = "elsewhere"
+    if isfinite(q.lens_shift_pct) and isfinite(q.lens_shift_deg):
+        where = f"{per_cent(q.lens_shift_pct)} of the distance to the scene and {q.lens_shift_deg:.2f} degrees off"
+    if q.lens_log_odds > 0:
+        return f"The lens does not fit the photo: with another one, which fits better, the camera would stand {where}; {what}."
+    return f"The matches do not tell the lens from another one, with which the camera would stand {where}; {what}."
 
 
 def details(q: PoseQuality) -> tuple[str, ...]:
     """The figures behind a verdict, as far as they are known."""
-    said = [_agreement(q)]
+    said = [_agreement(q), _region(q)]
     if q.inliers and isfinite(q.rms_px_of_photo):
         matches = f"{counted(q.inliers, 'match', 'matches')} in {counted(q.views_used, 'view')}"
         said.append(
@@ -149,8 +182,8 @@ def details(q: PoseQuality) -> tuple[str, ...]:
             f"Standard deviation of the position {q.translation_std_pct:.3f} % of the median depth, of the rotation "
             f"{q.rotation_std_deg:.3f} degrees{focal}."
         )
-    if isfinite(q.lens_gain_pct) and q.lens_gain_pct > 0:
-        said.append(f"With focal length, k1 and k2 free the RMS falls by {q.lens_gain_pct:.0f} %.")
+    if isfinite(q.lens_log_odds):
+        said.append(f"Odds of another lens against the one given are 10^{q.lens_log_odds / log(10):.1f} to 1.")
     return tuple(said)
 
 
@@ -158,3 +191,14 @@ def _agreement(q: PoseQuality) -> str:
     whose = {"refined": "the refined camera", "start": "the start camera", "rejected": "the camera that was found"}[q.of]
     offset = f", with a median offset of {q.offset_px_of_photo:.2f} px of the photo" if isfinite(q.offset_px_of_photo) else ""
     return f"{share(q.agreement)} of {counted(q.corners, 'corner')} of the photo sit on the render through {whose}{offset}."
+
+
+def _region(q: PoseQuality) -> str:
+    if not (q.region_corners and isfinite(q.region_offset_px_of_photo) and isfinite(q.region_expected)):
+        return "No part of the photo holds more corners in place than chance explains."
+    unlike = f"; {share(q.unrivalled)} of patches there are shown nowhere better" if isfinite(q.unrivalled) else ""
+    staying = counted(q.region_corners, "corner")
+    return (
+        f"In the part that sits, {share(q.region_area)} of the photo, {staying} ({share(q.region_share)} of those "
+        f"there; by chance {q.region_expected:.0f}) stay to {q.region_offset_px_of_photo:.2f} px of the photo{unlike}."
+    )

@@ -173,7 +173,7 @@ def test_what_breaks_at_the_very_end_keeps_no_slot_and_loses_no_result(bpy, cont
 def test_an_exception_of_a_script_is_one_sentence_too(bpy, extension, scene, slot, monkeypatch):
     monkeypatch.setattr(extension("operators.refine").GSSMC_OT_refine, "apply", broken)
     with pytest.raises(RuntimeError) as error:
-        bpy.ops.gssmc.refine()
+        bpy.ops.gssmc.refine(locate=False)
     assert BROKEN in str(error.value)
     assert "Traceback" not in str(error.value)
 
@@ -388,7 +388,7 @@ def test_the_plates_button_is_grey_without_a_plate(bpy, scene):
 def test_a_script_may_name_a_camera_that_is_not_the_scenes(bpy, scene):
     name, scene.camera = scene.camera.name, None
     assert bpy.ops.gssmc.refine.poll()
-    assert bpy.ops.gssmc.refine(camera=name) == {"CANCELLED"}
+    assert bpy.ops.gssmc.refine(camera=name, locate=False) == {"CANCELLED"}
     assert bpy.data.objects[name].data.gssmc.verdict == "FAILED"
 
 

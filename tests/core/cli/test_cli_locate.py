@@ -291,3 +291,27 @@ def test_a_result_goes_neither_over_the_scans_map_nor_into_a_folder(place, capsy
         code, _, err = run(capsys, command, place.scene, place.folder / "photo_0.png", "--out", out)
         assert (code, said in err) == (2, True), err
     assert place.map.read_bytes() == before
+
+
+def test_cameras_beside_the_scan_are_taken_and_said_and_can_be_left_out(place, tmp_path, capsys, monkeypatch):
+    scan = tmp_path / "scene.ply"
+    shutil.copy(place.scene, scan)
+    records = [
+        {"img_name": c.file, "position": c.pose.centre.tolist(), "rotation": c.pose.R.T.tolist(), "width": SIZE[0],
+         "height": SIZE[1], "fx": c.intrinsics.fx, "fy": c.intrinsics.fy}
+        for c in place.truths
+    ]  # fmt: skip
+    (tmp_path / "cameras.json").write_text(json.dumps(records))
+    known = []
+
+    def build(scene, settings, cameras, key, begun):
+        known.append([camera.file for camera in cameras])
+        yield cache.MapStep(cache.LandmarkMap(key, complete=True), "the map is complete", 1.0)
+
+    monkeypatch.setattr(cache, "build_map", build)
+    code, _, err = run(capsys, "map", scan, *VIEWS)
+    assert (code, known) == (0, [[c.file for c in place.truths]])
+    assert "Known cameras read from" in err
+    code, _, err = run(capsys, "map", scan, "--cameras", "none", *VIEWS, "--map", tmp_path / "plain.gssmc-map")
+    assert (code, known[1]) == (0, [])
+    assert "Known cameras" not in err

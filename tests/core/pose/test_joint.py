@@ -13,16 +13,15 @@ from core.pose.final.joint import (
     CELLS,
     FIT_KINDS,
     SCALE,
+    SHARED_ERROR,
     JointProblem,
     _equations,
     density_weights,
-    fit_distortion,
     fit_joint,
-    rms_gain,
 )
 from core.pose.final.reprojection import reproject
 from core.pose.final.stage import choose
-from core.pose.shared.lens import FREE, PRIOR_STD, CameraUnknowns, lens_difference
+from core.pose.shared.lens import CALIBRATED_STD, FOCAL, GUESS_STD, MODES, CameraUnknowns, LensPrior, lens_difference
 from core.pose.shared.matches import world_points
 
 
@@ -33,6 +32,13 @@ def _views(seed, noise=0.0, outliers=0.0, count=6):
     return rng, truth, points, views
 
 
+GIVEN = LensPrior(CAMERA, CALIBRATED_STD, True)
+
+
+def _guess(lens=CAMERA):
+    return LensPrior(lens, GUESS_STD, False)
+
+
 def _start(rng, truth, size=0.01):
     return CameraUnknowns(se3_exp(size * rng.normal(size=6)) @ truth, CAMERA)
 
@@ -41,7 +47,7 @@ def _start(rng, truth, size=0.01):
 @pytest.mark.parametrize("seed", range(3))
 def test_exact_matches_bring_the_exact_pose(stage, seed):
     rng, truth, _, views = _views(seed)
-    fit = fit_joint(_start(rng, truth), JointProblem.of(views, CAMERA, CAMERA), stage)
+    fit = fit_joint(_start(rng, truth), JointProblem.of(views, CAMERA, GIVEN), stage)
     distance, degrees = pose_error(fit.camera.pose, truth)
     assert distance < 1e-6 and degrees < 1e-5
     assert fit.camera.intrinsics is CAMERA
@@ -52,7 +58,7 @@ def test_the_focal_length_is_solved_for(wrong):
     _, truth, _, views = _views(5)
     guess = replace(CAMERA, fx=CAMERA.fx * wrong, fy=CAMERA.fy * wrong)
     views = [replace(v, query=v.query / wrong) for v in views]  # the same pixels under the guessed lens
-    fit = fit_joint(CameraUnknowns(truth, guess), JointProblem.of(views, guess, guess, "focal"), "joint")
+    fit = fit_joint(CameraUnknowns(truth, guess), JointProblem.of(views, guess, _guess(guess), FOCAL), "joint")
     assert fit.camera.intrinsics.fx == pytest.approx(CAMERA.fx, rel=1e-3)
     assert fit.camera.intrinsics.fx / fit.camera.intrinsics.fy == pytest.approx(CAMERA.fx / CAMERA.fy)
     assert pose_error(fit.camera.pose, truth)[0] < 0.005
@@ -65,32 +71,18 @@ def test_the_whole_lens_is_solved_for():
     )
     pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
     views = [replace(v, query=CAMERA.normalise(p)) for v, p in zip(views, pixels, strict=True)]
-    fit = fit_joint(CameraUnknowns(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA, "full"), "joint")
+    fit = fit_joint(CameraUnknowns(truth, CAMERA), JointProblem.of(views, CAMERA, _guess(), MODES["full"]), "joint")
     k = fit.camera.intrinsics
     assert k.fx == pytest.approx(lens.fx, rel=1e-3) and k.cx == pytest.approx(lens.cx, abs=0.3)
     assert k.cy == pytest.approx(lens.cy, abs=0.3) and k.dist[0] == pytest.approx(0.06, abs=2e-3)
     assert pose_error(fit.camera.pose, truth)[0] < 0.002
 
 
-@pytest.mark.parametrize("k1", [0.0, -0.1])
-def test_how_much_better_a_fit_with_distortion_would_do_is_measured(k1):
-    _, truth, _, views = _views(8, 0.2)
-    lens = replace(CAMERA, dist=(k1, 0, 0, 0, 0))
-    pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
-    views = [replace(v, query=CAMERA.normalise(p)) for v, p in zip(views, pixels, strict=True)]
-    fit = fit_joint(CameraUnknowns(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint")
-    distorted = fit_distortion(fit)
-    assert distorted.camera.intrinsics.dist[0] == pytest.approx(k1, abs=0.01)
-    assert rms_gain(fit, distorted) > 0.5 if k1 else rms_gain(fit, distorted) < 0.05
-    assert fit_distortion(distorted) is distorted and rms_gain(distorted, distorted) == 0
-    assert distorted.problem.mode == "radial" and fit.problem.mode == "fixed"
-
-
 def test_halves_are_the_answers_of_every_other_view():
     rng, truth, points, views = _views(9)
     other = se3_exp(0.003 * rng.normal(size=6)) @ truth
     views[1::2] = [make_matches(rng, other, v.pose, points) for v in views[1::2]]
-    halves = fit_joint(CameraUnknowns(truth, CAMERA), JointProblem.of(views, CAMERA, CAMERA), "joint").halves()
+    halves = fit_joint(CameraUnknowns(truth, CAMERA), JointProblem.of(views, CAMERA, GIVEN), "joint").halves()
     for half, want in zip(halves, (truth, other), strict=True):
         distance, degrees = pose_error(half.pose, want)
         assert distance < 1e-6 and degrees < 1e-5
@@ -102,7 +94,7 @@ def test_outliers_cost_little(stage):
     for seed in range(8):
         for share, out in ((0.0, clean), (0.25, spoilt)):
             rng, truth, _, views = _views(seed, 0.3, share)
-            fit = fit_joint(_start(rng, truth, 0.002), JointProblem.of(views, CAMERA, CAMERA), stage)
+            fit = fit_joint(_start(rng, truth, 0.002), JointProblem.of(views, CAMERA, GIVEN), stage)
             out.append(pose_error(fit.camera.pose, truth)[0])
     assert np.median(clean) < 0.002 and np.median(spoilt) < 2 * np.median(clean)
 
@@ -114,7 +106,7 @@ def test_the_joint_fit_is_better_than_lines_or_depth_alone():
         rng, truth, _, views = _views(seed, 0.3)
         noisy = [replace(v, depth=v.depth + v.depth_std * rng.normal(size=len(v))) for v in views]
         for stage, out in errors.items():
-            fit = fit_joint(_start(rng, truth, 0.002), JointProblem.of(noisy, CAMERA, CAMERA), stage)
+            fit = fit_joint(_start(rng, truth, 0.002), JointProblem.of(noisy, CAMERA, GIVEN), stage)
             out.append(pose_error(fit.camera.pose, truth)[0])
     medians = {stage: np.median(values) for stage, values in errors.items()}
     assert medians["joint"] < medians["depth"] and medians["joint"] < 1.1 * medians["epipolar"]
@@ -125,9 +117,9 @@ def test_the_information_bounds_the_error():
     squared = []
     for seed in range(20):
         rng, truth, _, views = _views(seed, 0.3)
-        fit = fit_joint(_start(rng, truth, 0.002), JointProblem.of(views, CAMERA, CAMERA), "epipolar")
+        fit = fit_joint(_start(rng, truth, 0.002), JointProblem.of(views, CAMERA, GIVEN), "epipolar")
         distance, degrees = pose_error(fit.camera.pose, truth)
-        covariance = np.linalg.inv(fit.information)
+        covariance = SHARED_ERROR**-2 * np.linalg.inv(fit.information)
         squared.append((distance**2 / np.trace(covariance[:3, :3]), np.radians(degrees) ** 2 / np.trace(covariance[3:, 3:])))
     mean = np.mean(squared, axis=0)
     assert (mean < 1.5).all() and (mean > 0.01).all()
@@ -145,7 +137,7 @@ def test_density_weights_are_those_of_a_plain_count():
 
 def _twin(camera, views, problem, stage):
     """Cost, gradient and Gauss-Newton matrix summed match by match, from finite differences and dense covariances."""
-    size = 6 + FREE[problem.mode]
+    size = 6 + len(problem.free)
     cost, gradient, information, weights = 0.0, np.zeros(size), np.zeros((size, size)), iter(problem.weights)
 
     def difference(f, step):
@@ -158,7 +150,7 @@ def _twin(camera, views, problem, stage):
             return camera.intrinsics.project(camera.pose.transform(points))
 
         residual = pixels(camera) - CAMERA.project(np.column_stack([view.query, np.ones(len(view))]))
-        jacobian = np.stack([difference(lambda s: pixels(camera.moved(s)), s) for s in 1e-6 * np.eye(size)], -1)
+        jacobian = np.stack([difference(lambda s: pixels(camera.moved(s, problem.free)), s) for s in 1e-6 * np.eye(size)], -1)
         along = difference(lambda s: pixels(camera, float(s[0])), np.array([1e-6]))
         normal = np.stack([-along[:, 1], along[:, 0]], 1) / np.linalg.norm(along, axis=1)[:, None]
         sigma = 1.4826 * np.median(np.abs((residual * normal).sum(1)))
@@ -169,19 +161,20 @@ def _twin(camera, views, problem, stage):
             cost += 0.5 * weight * SCALE**2 * squared / (1 + squared)
             gradient += weight / (1 + squared) ** 2 * J.T @ inverse @ r
             information += weight / (1 + squared) ** 2 * J.T @ inverse @ J
-    free = PRIOR_STD[: size - 6]
-    off = lens_difference(camera.intrinsics, problem.prior)[: size - 6] / free
-    gradient[6:] += off / free
-    return cost + 0.5 * off @ off, gradient, information + np.diag(np.r_[np.zeros(6), free**-2.0])
+    prior, certainty = GUESS_STD[list(problem.free)], SHARED_ERROR**-2
+    off = lens_difference(camera.intrinsics, problem.prior.lens)[list(problem.free)] / prior
+    gradient, information = certainty * gradient, certainty * information
+    gradient[6:] += off / prior
+    return certainty * cost + 0.5 * off @ off, gradient, information + np.diag(np.r_[np.zeros(6), prior**-2.0])
 
 
 @pytest.mark.parametrize("stage", FIT_KINDS)
-@pytest.mark.parametrize("mode", ["fixed", "full"])
+@pytest.mark.parametrize("mode", ["fixed", "focal", "full"])
 def test_the_stacked_equations_are_those_of_a_plain_sum_over_matches(stage, mode):
     rng, truth, _, views = _views(3, 0.5, 0.2, count=4)
     views = [views[0].take(np.arange(len(views[0])) < 90), *views[1:]]  # views of different sizes
     lens = replace(CAMERA, fx=540.0, dist=(0.05, -0.02, 0.001, 0.002, 0.0))
-    camera, problem = replace(_start(rng, truth), intrinsics=lens), JointProblem.of(views, CAMERA, CAMERA, mode)
+    camera, problem = replace(_start(rng, truth), intrinsics=lens), JointProblem.of(views, CAMERA, _guess(), MODES[mode])
     want_cost, want_gradient, want = _twin(camera, views, problem, stage)
     r = reproject(camera, problem.matches)
     got = _equations(camera, problem, stage, problem.deviations_px(r.across))
@@ -194,8 +187,8 @@ def test_the_stacked_equations_are_those_of_a_plain_sum_over_matches(stage, mode
 def test_a_part_of_a_problem_is_the_problem_of_those_views():
     _, _, _, views = _views(2, 0.5)
     views = [v.take(np.arange(len(v)) >= 7 * i) for i, v in enumerate(views)]
-    part = JointProblem.of(views, CAMERA, CAMERA).part(slice(1, None, 2))
-    want = JointProblem.of(views[1::2], CAMERA, CAMERA)
+    part = JointProblem.of(views, CAMERA, GIVEN).part(slice(1, None, 2))
+    want = JointProblem.of(views[1::2], CAMERA, GIVEN)
     for got, expected in ((part.matches.points, want.matches.points), (part.matches.observed, want.matches.observed)):
         np.testing.assert_array_equal(got, expected)
     np.testing.assert_array_equal(part.counts, want.counts)
@@ -205,7 +198,7 @@ def test_matches_without_depth_take_no_part():
     _, _, _, views = _views(2)
     holes = np.arange(len(views[0])) % 3 == 0
     views[0] = replace(views[0], depth=np.where(holes, np.nan, views[0].depth))
-    problem = JointProblem.of(views, CAMERA, CAMERA)
+    problem = JointProblem.of(views, CAMERA, GIVEN)
     assert problem.counts[0] == (~holes).sum() and problem.counts[1] == len(views[1])
     assert np.isfinite(problem.matches.points).all()
 
@@ -220,7 +213,7 @@ def test_a_spoilt_corner_with_most_of_the_matches_does_not_outvote_the_rest():
         m = make_matches(rng, truth, view, np.concatenate([points, corner]))
         shift = np.where(np.arange(len(m)) < len(points), 0.0, 1.0 / CAMERA.focal)
         off.append(replace(m, view=m.view + shift[:, None]))
-    problem = JointProblem.of(off, CAMERA, CAMERA)
+    problem = JointProblem.of(off, CAMERA, GIVEN)
     flat = replace(problem, weights=np.ones_like(problem.weights))
     start = CameraUnknowns(truth, CAMERA)
     weighed, plain = (pose_error(fit_joint(start, p, "epipolar").camera.pose, truth)[0] for p in (problem, flat))
@@ -230,10 +223,10 @@ def test_a_spoilt_corner_with_most_of_the_matches_does_not_outvote_the_rest():
 def test_auto_leaves_a_depth_that_lies():
     rng, truth, points, views = _views(7, 0.2)
     lying = [replace(v, depth=1.05 * v.depth, depth_std=1e-4 * v.depth) for v in views]
-    problem = JointProblem.of(lying, CAMERA, CAMERA)
+    problem = JointProblem.of(lying, CAMERA, GIVEN)
     reference = make_matches(rng, truth, truth, points, 0.2, reference=True)
     fits = {stage: fit_joint(_start(rng, truth, 0.001), problem, stage) for stage in FIT_KINDS}
-    assert choose(fits, JointProblem.of([reference], CAMERA, CAMERA)) == "epipolar"
+    assert choose(fits, JointProblem.of([reference], CAMERA, GIVEN)) == "epipolar"
     assert pose_error(fits["epipolar"].camera.pose, truth)[0] < 0.2 * pose_error(fits["joint"].camera.pose, truth)[0]
     nothing = reference.take(np.zeros(len(reference), bool))
-    assert choose(fits, JointProblem.of([nothing], CAMERA, CAMERA)) == "joint"
+    assert choose(fits, JointProblem.of([nothing], CAMERA, GIVEN)) == "joint"

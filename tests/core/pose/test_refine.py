@@ -246,10 +246,10 @@ def test_a_guessed_focal_length_is_solved_for(room, photo, wrong):
     guess = replace(LENS, fx=LENS.fx * wrong, fy=LENS.fy * wrong)
     report = refine(room, photo, Camera(guess, _start(0.05, 4.0), "p.png", focal_guessed=True))
     distance, degrees = pose_error(report.camera.pose, TRUTH)
-    assert report.verdict == "trusted" and report.lens == "focal", report.reasons
+    assert report.verdict == "trusted" and report.solved_lens, report.reasons
     assert distance < 0.01 * DEPTH and degrees < 0.1
     k = report.camera.intrinsics
-    assert k.fx == pytest.approx(LENS.fx, rel=5e-3) and k.fx / k.fy == pytest.approx(LENS.fx / LENS.fy)
+    assert k.fx == pytest.approx(LENS.fx, rel=5e-3) and k.fx / k.fy == pytest.approx(LENS.fx / LENS.fy, rel=2e-3)
     assert not report.camera.focal_guessed
     assert 0 < report.quality.focal_std_pct < 1
 
@@ -270,18 +270,18 @@ def test_a_distortion_that_nobody_told_of_is_found_where_the_lens_is_a_guess(roo
     guess = replace(LENS.pinhole(), fx=LENS.fx * 1.1, fy=LENS.fy * 1.1)
     report = refine(room, photo, Camera(guess, _start(0.05, 4.0), focal_guessed=True))
     k = report.camera.intrinsics
-    assert report.verdict == "trusted" and report.lens == "radial", report.reasons
+    assert report.verdict == "trusted" and report.solved_lens, report.reasons
     assert k.dist[0] == pytest.approx(LENS.dist[0], abs=0.015) and k.fx == pytest.approx(LENS.fx, rel=5e-3)
-    assert (k.cx, k.cy) == (guess.cx, guess.cy)
+    assert (k.cx, k.cy) == pytest.approx((guess.cx, guess.cy), abs=1.0)
     assert pose_error(report.camera.pose, TRUTH)[0] < 0.004 * DEPTH
 
 
 @pytest.mark.parametrize("lens", ["fixed", "focal"])
 def test_and_is_told_where_it_may_not_be_solved_for(room, photo, lens):
     report = refine(room, photo, Camera(LENS.pinhole(), _start(0.05, 4.0)), RefineSettings(lens=lens))
-    assert report.verdict == "check" and report.lens == lens
-    assert any("distortion" in reason for reason in report.reasons)
-    assert report.quality.lens_gain_pct > 15
+    assert report.verdict == "check" and report.solved_lens == (lens == "focal")
+    assert any("The lens does not fit the photo" in reason for reason in report.reasons)
+    assert report.quality.lens_log_odds > 10
 
 
 def test_a_wrong_focal_length_held_fixed_is_not_trusted(room, photo):

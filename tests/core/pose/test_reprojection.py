@@ -9,7 +9,7 @@ from geometry import CAMERA, make_matches, random_pose, world
 
 from core.geometry.lie import hat, se3_exp
 from core.pose.final.reprojection import Lifted, apply, reproject, whitening
-from core.pose.shared.lens import CameraUnknowns, lens_difference, moved_lens
+from core.pose.shared.lens import ALL, CameraUnknowns, lens_difference, moved_lens
 from core.pose.shared.matches import world_points
 from core.pose.shared.robust import MIN_SIGMA_PX, robust_std
 
@@ -49,10 +49,10 @@ def test_residuals_are_opencvs_projection_minus_what_was_seen(setting):
 def test_the_jacobian_by_pose_and_lens_is_the_finite_difference(setting, lens):
     _, camera, matches, seen = setting
     camera, lifted = replace(camera, intrinsics=lens), lift(matches, seen)
-    got = reproject(camera, lifted).jacobian(plain(len(matches)), free=5)
-    for k in range(11):
-        step = np.eye(11)[k] * 1e-6
-        plus, minus = (reproject(camera.moved(s), lifted).residual for s in (step, -step))
+    got = reproject(camera, lifted).jacobian(plain(len(matches)), ALL)
+    for k in range(15):
+        step = np.eye(15)[k] * 1e-6
+        plus, minus = (reproject(camera.moved(s, ALL), lifted).residual for s in (step, -step))
         np.testing.assert_allclose(got[k], (plus - minus) / 2e-6, rtol=1e-5, atol=2e-3)
 
 
@@ -119,8 +119,9 @@ def test_the_deviation_across_the_lines_ignores_outliers(setting):
 
 
 def test_a_step_of_the_lens_and_its_difference_are_inverse():
-    step = np.array([0.1, 0.01, -0.02, 0.03, -0.01])
+    step = np.array([0.1, 0.03, -0.01, 0.01, -0.02, 0.002, -0.001, 0.004, 0.006])
     moved = moved_lens(LENS, step)
     got = lens_difference(moved, LENS)
     np.testing.assert_allclose(got, step, rtol=1e-9)
-    assert moved.fx / LENS.fx == pytest.approx(np.exp(0.1))
+    assert moved.focal / LENS.focal == pytest.approx(np.exp(0.1))
+    assert (moved.fx / moved.fy) / (LENS.fx / LENS.fy) == pytest.approx(np.exp(0.006))

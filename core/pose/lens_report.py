@@ -1,0 +1,59 @@
+"""What a refinement says of the lens: of each number whether it was given, solved or held, its value, and how sure it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+
+from ..geometry.camera import FloatArray, Intrinsics
+from ..geometry.conventions import focal_px_from_35mm
+from .final.solution import FittedCamera
+from .report import LENS_NUMBERS, LensEvidence, LensNumber, LensState
+
+# A number was solved for where the matches brought its deviation below this share of the prior's; else it stayed at its guess.
+SOLVED_SHARE = 0.5
+GROUPS = {"the principal point": ("cx", "cy"), "k1": ("k1",), "k2": ("k2",), "p1 and p2": ("p1", "p2"), "k3": ("k3",)}
+
+
+def lens_numbers(solution: FittedCamera, photo: Intrinsics) -> tuple[LensNumber, ...]:
+    """The numbers of a solution's lens in the units of the photo at its full size, whose intrinsics were `photo`."""
+    k = solution.camera.intrinsics.resized(photo.width, photo.height) if solution.solved else photo
+    held: LensState = "given" if solution.prior.calibrated else "held"
+    values = (k.focal, k.cx, k.cy, *k.dist, k.fx / k.fy)
+    std = _photo_units(solution.lens_std, k)
+    told = solution.lens_std < SOLVED_SHARE * solution.prior.std
+    states: list[LensState] = ["solved" if i in solution.solved and told[i] else held for i in range(len(values))]
+    return tuple(
+        LensNumber(name, state, float(value), float(s))
+        for name, state, value, s in zip(LENS_NUMBERS, states, values, std, strict=True)
+    )
+
+
+def lens_evidence(solution: FittedCamera, guess: Intrinsics) -> LensEvidence | None:
+    """What a photo can tell others of its lens, which was guessed as `guess`; None where not all of it was solved for."""
+    if solution.information is None or len(solution.solved) < len(LENS_NUMBERS):
+        return None
+    return LensEvidence(solution.information, guess)
+
+
+def lens_sentence(numbers: Sequence[LensNumber], photo: Intrinsics) -> str:
+    """What was solved for, in plain words; empty where nothing was."""
+    solved = {number.name for number in numbers if number.state == "solved"}
+    if not solved:
+        return ""
+    focal = numbers[0]
+    px_per_mm = focal_px_from_35mm(1.0, photo.width, photo.height)
+    mm, std = focal.value / px_per_mm, focal.std / px_per_mm
+    sure = f" +- {std:.1g} mm" if isfinite(std) else ""
+    how = "solved for" if focal.state == "solved" else focal.state
+    others = [title for title, names in GROUPS.items() if solved.intersection(names)]
+    more = f"; {', '.join(others)} solved for" if others else ""
+    return f"Focal length {mm:.3g} mm{sure} (35 mm equivalent), {how}{more}."
+
+
+def _photo_units(std: FloatArray, k: Intrinsics) -> FloatArray:
+    """Deviations (9,) of `lens.NAMES` as those of the numbers themselves: focal length and principal point in pixels."""
+    out = std.copy()
+    out[:3] *= k.focal
+    out[8] *= k.fx / k.fy
+    return out

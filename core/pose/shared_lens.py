@@ -1,0 +1,120 @@
+"""One lens for many photos: what each photo's own solution knows of the lens, put together, and each pose moved along.
+
+A photo's last fit leaves a quadratic cost in its pose xi and its lens l, with information H. Taking the pose out of it leaves
+what the photo says of the lens, A = H_ll - H_lx H_xx^-1 H_xl about its own answer; the sum of these and of one prior has its
+minimum at the lens that all photos share, and each pose follows by xi = -H_xx^-1 H_xl (l - l_own). This is one Gauss-Newton
+step of the joint problem over all photos, begun at their own solutions, and needs no match and no render again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..geometry.camera import Camera, FloatArray, Intrinsics, pose_error
+from ..geometry.lie import se3_exp
+from .report import LensEvidence
+from .shared.lens import GUESS_STD, lens_difference, moved_lens
+
+# A photo whose lens lies farther from that of the others is not of that lens: squared distance in deviations, of nine numbers
+# that chance brings beyond this once in a hundred thousand times.
+MAX_DISTANCE = 38.0
+MIN_PHOTOS = 2
+P = slice(0, 6)
+L = slice(6, 15)
+
+
+@dataclass(frozen=True, eq=False)
+class SharedPhoto:
+    """A photo after its lens was shared: the camera, the deviations of its position (scene units) and rotation (degrees), and
+    how far it moved from the photo's own solution (scene units, degrees).
+    """
+
+    camera: Camera
+    translation_std_units: float
+    rotation_std_deg: float
+    moved_units: float
+    moved_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class SharedLens:
+    """The lens that photos share: its numbers' deviations (9,) of `lens.NAMES`, and the photos by their index among those that
+    were given; the indices in `others` are of photos whose own lens is another one, or that had no other beside them.
+    """
+
+    intrinsics: Intrinsics
+    std: FloatArray
+    photos: dict[int, SharedPhoto]
+    others: tuple[int, ...]
+
+
+def share_lens(cameras: Sequence[Camera], evidence: Sequence[LensEvidence]) -> SharedLens | None:
+    """The lens that the most of the photos agree on; None where no two of them do. All are of one size."""
+    members = list(range(len(cameras)))
+    reference = cameras[0].intrinsics if cameras else None
+    if reference is None:
+        return None
+    says = [_Statement.of(camera, known, reference) for camera, known in zip(cameras, evidence, strict=True)]
+    prior = np.diag(GUESS_STD**-2.0)
+    centre = prior @ lens_difference(evidence[0].guess, reference)
+    while len(members) >= MIN_PHOTOS:
+        S = prior + sum(says[i].A for i in members)
+        b = centre + sum(says[i].b for i in members)
+        distances = {i: says[i].distance(S, b) for i in members}
+        worst = max(members, key=lambda i: distances[i])
+        if distances[worst] <= MAX_DISTANCE:
+            return _shared(members, cameras, evidence, moved_lens(reference, np.linalg.solve(S, b)), np.linalg.inv(S))
+        members.remove(worst)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Statement:
+    """A photo's cost in the lens l about the reference's: l^T A l / 2 - b^T l."""
+
+    A: FloatArray
+    b: FloatArray
+
+    @classmethod
+    def of(cls, camera: Camera, known: LensEvidence, reference: Intrinsics) -> _Statement:
+        H = known.information
+        A = H[L, L] - H[L, P] @ np.linalg.pinv(H[P, P], hermitian=True) @ H[P, L]
+        own = lens_difference(camera.intrinsics, reference)
+        # The photo's own answer balances its matches and its prior, so that the gradient of the matches is minus the prior's.
+        pull = lens_difference(camera.intrinsics, known.guess) / GUESS_STD**2
+        return cls(A, A @ own + pull)
+
+    def distance(self, S: FloatArray, b: FloatArray) -> float:
+        """Squared distance, in deviations, of the photo's lens from that of the others, who with it and the prior make up S
+        and b.
+        """
+        others = np.linalg.solve(S - self.A, b - self.b)
+        v = self.b - self.A @ others
+        return float(v @ np.linalg.pinv(self.A, hermitian=True) @ v - v @ np.linalg.solve(S, v))
+
+
+def _shared(
+    members: Sequence[int],
+    cameras: Sequence[Camera],
+    evidence: Sequence[LensEvidence],
+    lens: Intrinsics,
+    covariance: FloatArray,
+) -> SharedLens:
+    photos = {i: _moved(cameras[i], evidence[i], lens, covariance) for i in members}
+    others = tuple(i for i in range(len(cameras)) if i not in photos)
+    return SharedLens(lens, np.sqrt(np.diag(covariance)), photos, others)
+
+
+def _moved(camera: Camera, known: LensEvidence, lens: Intrinsics, covariance: FloatArray) -> SharedPhoto:
+    """A photo's camera under the shared lens, whose covariance (9, 9) is that of all photos together."""
+    H = known.information
+    own = np.linalg.pinv(H[P, P], hermitian=True)
+    follow = -own @ H[P, L]
+    pose = se3_exp(follow @ lens_difference(lens, camera.intrinsics)) @ camera.pose
+    spread = np.diag(own + follow @ covariance @ follow.T)
+    moved = pose_error(pose, camera.pose)
+    shared = replace(camera, pose=pose, intrinsics=lens)
+    return SharedPhoto(shared, float(np.sqrt(spread[:3].sum())), float(np.degrees(np.sqrt(spread[3:].sum()))), *moved)

@@ -1,0 +1,105 @@
+"""One lens for many photos, against exact truth: closer than each by itself, and a photo of another lens is left out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from geometry import CAMERA, fan, make_matches, random_pose, world
+
+from core.geometry.camera import Camera, pose_error
+from core.pose.final.joint import JointProblem, fit_joint
+from core.pose.shared.lens import ALL, GUESS_STD, CameraUnknowns, LensPrior
+from core.pose.shared_lens import LensEvidence, share_lens
+
+LENS = replace(CAMERA, fx=540.0, fy=540.0, cx=330.0, cy=232.0, dist=(-0.06, 0.01, 0.001, -0.0005, 0.0))
+OTHER = replace(LENS, fx=600.0, fy=600.0, dist=(0.05, 0.0, 0.0, 0.0, 0.0))
+GUESS = replace(CAMERA, fx=500.0, fy=500.0, cx=320.0, cy=240.0)
+
+
+def _solved(seed, lens, noise=0.5):
+    """A photo's true pose, its own solution without knowing the lens, and what that leaves."""
+    rng = np.random.default_rng(seed)
+    truth, points = random_pose(rng), world(rng, 120)
+    views = [make_matches(rng, truth, v, points, noise) for v in fan(rng, truth, 5)]
+    pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
+    views = [replace(v, query=GUESS.normalise(p)) for v, p in zip(views, pixels, strict=True)]
+    problem = JointProblem.of(views, GUESS, LensPrior(GUESS, GUESS_STD, False), ALL)
+    fit = fit_joint(CameraUnknowns(truth, replace(GUESS, fx=lens.fx, fy=lens.fy)), problem, "joint")
+    camera = Camera(fit.camera.intrinsics, fit.camera.pose, f"{seed}.jpg")
+    return truth, camera, LensEvidence(fit.evidence.information, GUESS)
+
+
+@pytest.fixture(scope="module")
+def photos():
+    return [_solved(seed, LENS) for seed in range(8)]
+
+
+def _share(photos):
+    return share_lens([p[1] for p in photos], [p[2] for p in photos])
+
+
+def _errors(truths, cameras):
+    return np.array([pose_error(c.pose, t)[0] for t, c in zip(truths, cameras, strict=True)])
+
+
+def test_eight_photos_tell_the_lens_and_their_poses_better_than_each_alone(photos):
+    shared = _share(photos)
+    truths, own = [p[0] for p in photos], [p[1] for p in photos]
+    together = [shared.photos[i].camera for i in range(8)]
+    assert np.linalg.norm(_errors(truths, together)) < 0.7 * np.linalg.norm(_errors(truths, own))
+    focal = [abs(c.intrinsics.focal / LENS.focal - 1) for c in own]
+    assert abs(shared.intrinsics.focal / LENS.focal - 1) < 0.5 * np.median(focal)
+    assert {c.intrinsics for c in together} == {shared.intrinsics} and shared.others == ()
+
+
+def test_the_step_is_the_joint_problems_own(photos):
+    """Against the poses and the lens that one large least-squares problem over all photos has, written out densely."""
+    n, size = len(photos), 6 * len(photos) + 9
+    H, g = np.zeros((size, size)), np.zeros(size)
+    reference = photos[0][1].intrinsics
+    for i, (_, camera, known) in enumerate(photos):
+        at = [*range(6 * i, 6 * i + 6), *range(6 * n, size)]
+        own = np.concatenate([np.zeros(6), _difference(camera.intrinsics, reference)])
+        pull = np.concatenate([np.zeros(6), _difference(camera.intrinsics, GUESS) / GUESS_STD**2])
+        H[np.ix_(at, at)] += known.information
+        g[at] += known.information @ own + pull
+    lens = slice(6 * n, size)
+    H[lens, lens] += np.diag(GUESS_STD**-2.0)
+    g[lens] += _difference(GUESS, reference) / GUESS_STD**2
+    answer = np.linalg.solve(H, g)
+    shared = _share(photos)
+    np.testing.assert_allclose(_difference(shared.intrinsics, reference), answer[lens], atol=1e-6)
+    np.testing.assert_allclose(shared.std, np.sqrt(np.diag(np.linalg.inv(H)))[lens], rtol=1e-6)
+
+
+def _difference(now, prior):
+    return np.array(
+        [
+            np.log(now.focal / prior.focal),
+            (now.cx - prior.cx) / prior.focal,
+            (now.cy - prior.cy) / prior.focal,
+            *np.subtract(now.dist, prior.dist),
+            np.log(now.fx / now.fy) - np.log(prior.fx / prior.fy),
+        ]
+    )
+
+
+def test_a_photo_of_another_lens_keeps_its_own(photos):
+    shared = _share([*photos[:3], _solved(50, OTHER), *photos[3:]])
+    assert shared.others == (3,)
+    assert abs(shared.intrinsics.focal / LENS.focal - 1) < 0.01
+
+
+def test_two_photos_that_disagree_share_nothing(photos):
+    assert _share([photos[0], _solved(50, OTHER)]) is None
+    assert _share(photos[:1]) is None and _share([]) is None
+
+
+def test_the_stated_deviations_are_the_errors():
+    ratios = []
+    for group in range(6):
+        photos = [_solved(100 + 10 * group + i, LENS) for i in range(4)]
+        shared = _share(photos)
+        for i, (truth, _, _) in enumerate(photos):
+            ratios.append(pose_error(shared.photos[i].camera.pose, truth)[0] / shared.photos[i].translation_std_units)
+    assert 0.2 < np.sqrt(np.mean(np.square(ratios))) < 1.2  # noise alone, without a splat's own errors, is overstated
