@@ -33,7 +33,7 @@ def lens_evidence(solution: FittedCamera, guess: Intrinsics) -> LensEvidence | N
     """What a photo can tell others of its lens, which was guessed as `guess`; None where not all of it was solved for."""
     if solution.information is None or len(solution.solved) < len(LENS_NUMBERS):
         return None
-    return LensEvidence(solution.information, guess)
+    return LensEvidence(solution.information, guess, float(solution.prior.std[0]))
 
 
 def lens_sentence(numbers: Sequence[LensNumber], photo: Intrinsics) -> str:

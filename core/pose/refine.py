@@ -167,6 +167,10 @@ class _Refinement:
     def solves_lens(self) -> bool:
         return solves_lens(self.settings, self.start)
 
+    @property
+    def prior(self) -> LensPrior:
+        return LensPrior.of(self.start, self.photo.focal_35mm)
+
     def tried(
         self, loop: Loop, photo: PhotoFeatures, start: Pose, work: _Work, first: LoopResult | None = None
     ) -> Generator[RefineProgress, None, _Try]:
@@ -215,8 +219,7 @@ class _Refinement:
             solution = yield from self._final(answer, iterations, rng)
         yield RefineProgress(iterations, self.settings.iterations, "checking the answer", DONE)
         if solution is None:
-            prior = LensPrior.of(self.start)
-            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, prior)
+            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, self.prior)
             return loop, view_at(self.renderer, image, loop.camera.pose)
         lens = solution.camera.intrinsics.resized(image.intrinsics.width, image.intrinsics.height)
         return solution, view_at(self.renderer, image.with_intrinsics(lens), solution.camera.pose)
@@ -227,8 +230,7 @@ class _Refinement:
         photo = WorkingPhoto.of(self.photo, self.start.intrinsics, self.settings.final_long_side_px)
         size = (photo.intrinsics.width, photo.intrinsics.height)
         start = CameraUnknowns(answer.fit.pose, answer.intrinsics.resized(*size))
-        prior = LensPrior.of(self.start).resized(*size)
-        work = FinalStage.of(self.renderer, self.settings, prior).run(photo, start, rng)
+        work = FinalStage.of(self.renderer, self.settings, self.prior.resized(*size)).run(photo, start, rng)
         fraction = LOOP_SHARE
 
         def progress(step: str) -> RefineProgress:
@@ -245,7 +247,7 @@ class _Refinement:
         if not self.solves_lens:
             return replace(self.start, pose=camera.pose)
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
-        return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False, focal_std=None)
+        return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
 
     def judge(self, answer: Answer, solution: FittedCamera, final: FinalView, loop: LoopResult) -> _Judgement:
         """The verdict, with the evidence of the pose that is returned, or of the one that is not and why."""

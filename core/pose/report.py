@@ -57,11 +57,13 @@ class LensNumber:
 @dataclass(frozen=True, eq=False)
 class LensEvidence:
     """What a photo's matches know, for `shared_lens.share_lens`: `information` (15, 15) by xi (scene units, radians) and the
-    numbers of `lens.NAMES`, at the photo's own solution; `guess`: the lens that its prior was about, at the photo's full size.
+    numbers of `lens.NAMES`, at the photo's own solution; `guess`: the lens that its prior was about, at the photo's full size;
+    `focal_std`: the deviation of that prior's focal length, as a share of it.
     """
 
     information: FloatArray
     guess: Intrinsics
+    focal_std: float = 0.3
 
 
 EvidenceOf = Literal["refined", "start", "rejected"]

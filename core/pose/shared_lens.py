@@ -58,7 +58,7 @@ def share_lens(cameras: Sequence[Camera], evidence: Sequence[LensEvidence]) -> S
     if reference is None:
         return None
     says = [_Statement.of(camera, known, reference) for camera, known in zip(cameras, evidence, strict=True)]
-    prior = np.diag(GUESS_STD**-2.0)
+    prior = _prior(evidence[0])
     centre = prior @ lens_difference(evidence[0].guess, reference)
     while len(members) >= MIN_PHOTOS:
         S = prior + sum(says[i].A for i in members)
@@ -69,6 +69,13 @@ def share_lens(cameras: Sequence[Camera], evidence: Sequence[LensEvidence]) -> S
             return _shared(members, cameras, evidence, moved_lens(reference, np.linalg.solve(S, b)), np.linalg.inv(S))
         members.remove(worst)
     return None
+
+
+def _prior(known: LensEvidence) -> FloatArray:
+    """Inverse covariance (9, 9) of the prior that a photo's solution was found with."""
+    std = GUESS_STD.copy()
+    std[0] = known.focal_std
+    return np.diag(std**-2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +91,7 @@ class _Statement:
         A = H[L, L] - H[L, P] @ np.linalg.pinv(H[P, P], hermitian=True) @ H[P, L]
         own = lens_difference(camera.intrinsics, reference)
         # The photo's own answer balances its matches and its prior, so that the gradient of the matches is minus the prior's.
-        pull = lens_difference(camera.intrinsics, known.guess) / GUESS_STD**2
+        pull = _prior(known) @ lens_difference(camera.intrinsics, known.guess)
         return cls(A, A @ own + pull)
 
     def distance(self, S: FloatArray, b: FloatArray) -> float:

@@ -23,7 +23,7 @@ def _solved(seed, lens, noise=0.5):
     views = [make_matches(rng, truth, v, points, noise) for v in fan(rng, truth, 5)]
     pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
     views = [replace(v, query=GUESS.normalise(p)) for v, p in zip(views, pixels, strict=True)]
-    problem = JointProblem.of(views, GUESS, LensPrior(GUESS, GUESS_STD, False), ALL)
+    problem = JointProblem.of(views, GUESS, LensPrior(GUESS, GUESS_STD, "guess"), ALL)
     fit = fit_joint(CameraUnknowns(truth, replace(GUESS, fx=lens.fx, fy=lens.fy)), problem, "joint")
     camera = Camera(fit.camera.intrinsics, fit.camera.pose, f"{seed}.jpg")
     return truth, camera, LensEvidence(fit.evidence.information, GUESS)

@@ -194,7 +194,15 @@ def test_the_rms_has_one_threshold_whatever_the_photo(photo, rms, verdict):
 def solution(stage, long_side, rms_px):
     k = Intrinsics(long_side, long_side // 2, 500.0, 500.0, 300.0, 200.0)
     return FittedCamera(
-        CameraUnknowns(Pose(), k), stage, rms_px, 0.001, 0.01, CALIBRATED_STD, 0.002, 0.01, LensPrior(k, CALIBRATED_STD, True)
+        CameraUnknowns(Pose(), k),
+        stage,
+        rms_px,
+        0.001,
+        0.01,
+        CALIBRATED_STD,
+        0.002,
+        0.01,
+        LensPrior(k, CALIBRATED_STD, "calibrated"),
     )
 
 
