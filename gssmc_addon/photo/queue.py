@@ -65,6 +65,8 @@ class RefineQueue(RetryQueue):
         copying = SplatCopying(scene.gssmc.splat)
         super().__init__(len(entries), copying)
         self.settings = settings
+        if options.find:
+            self.status = n_("Finding the photos    Esc: stop")
         self.failed: list[tuple[str, str]] = []
         self.found_again: list[str] = []  # Names of the cameras that were found in the second pass.
         self._verdict_of: dict[int, str] = {}

@@ -31,7 +31,8 @@ def apply(bpy, extension):
         )
         start = extension("gssmc_addon.camera.bridge").read_camera(scene, camera, scene.gssmc.splat).at_size(60, 90)
         end = start if verdict == "failed" else found
-        report = reports.RefineReport(end, start, verdict, reasons, (), 3.0, quality, "joint", lens)
+        numbers = (reports.LensNumber("focal", "given" if lens == "fixed" else "solved", focal, 1.0),)
+        report = reports.RefineReport(end, start, verdict, reasons, (), 3.0, quality, "joint", numbers)
         photo = extension("gssmc_addon.photo.image").camera_photo(camera)
         jobs.apply_report(jobs.Targets.of(scene, scene.gssmc.splat, camera, photo), report)
         bpy.context.view_layer.update()
@@ -112,7 +113,7 @@ CHANGES = {move: MOVED, turn: MOVED, set_lens: LENS, set_shift: LENS, set_sensor
 def test_a_solved_camera_is_trusted_until_it_is_changed(bpy, extension, solved, now):
     assert now() == SAME
     said = drawn(bpy, extension)
-    assert "Trusted: 0 iterations, 3.0 s" in said
+    assert "Trusted: 3.0 s" in said
     assert "gssmc.back_to_solution" not in said
 
 
@@ -287,7 +288,7 @@ def test_a_failed_try_from_elsewhere_keeps_the_way_back(bpy, extension, solved, 
     bpy.context.view_layer.update()
     apply("failed")
     assert now() == ("FAILED", "MOVED")
-    assert "Failed: 0 iterations, 3.0 s" in drawn(bpy, extension)
+    assert "Failed: 3.0 s" in drawn(bpy, extension)
     assert bpy.ops.gssmc.back_to_solution() == {"FINISHED"}
     assert now() == SAME
 
@@ -371,19 +372,19 @@ def test_moving_with_the_view_ends_with_a_solution(bpy, extension, scene, apply)
 # The lens: guessed, solved, or calibrated, and only the user says the last.
 
 
-def mode(bpy, extension):
-    """What Refine would do about the lens when Solve For is Auto."""
+def source(bpy, extension):
+    """What Refine would take the lens for: a guess that is solved for, or a calibration that is held."""
     scene, settings = bpy.context.scene, extension("core.pose.settings").RefineSettings()
     job = extension("gssmc_addon.refine.job").prepare(scene, scene.gssmc.splat, scene.camera, settings)
-    return extension("core.pose.refine").lens_mode(settings, job.inputs.camera.at_size(60, 90))
+    return extension("core.pose.shared.lens").LensPrior.of(job.inputs.camera.at_size(60, 90)).source
 
 
 @pytest.mark.parametrize("verdict", ["trusted", "check"])
 def test_a_solved_lens_is_a_start_and_no_calibration(bpy, extension, scene, apply, verdict):
     note = scene.camera.data.gssmc
-    assert (note.lens_state, mode(bpy, extension)) == ("GUESSED", "focal")
+    assert (note.lens_state, source(bpy, extension)) == ("GUESSED", "guess")
     apply(verdict, focal=80.0)
-    assert (note.lens_state, mode(bpy, extension)) == ("SOLVED", "focal")
+    assert (note.lens_state, source(bpy, extension)) == ("SOLVED", "guess")
     assert photo_pose(bpy, extension).intrinsics.fx == pytest.approx(80, rel=1e-6)
     apply("failed")
     assert note.lens_state == "SOLVED"
@@ -392,7 +393,7 @@ def test_a_solved_lens_is_a_start_and_no_calibration(bpy, extension, scene, appl
 def test_a_calibration_is_held_and_stays_one(bpy, extension, scene, apply):
     note = scene.camera.data.gssmc
     note.lens_state = "CALIBRATED"
-    assert mode(bpy, extension) == "fixed"
+    assert source(bpy, extension) == "calibrated"
     apply(lens="fixed")
     assert note.lens_state == "CALIBRATED"
     apply(lens="full")
