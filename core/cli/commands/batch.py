@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...batch.keys import BatchQuery, query_keys
+from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
 from ...batch.store import ResultStore
 from ...cameras import pose_list
@@ -28,6 +29,7 @@ from ..maps import MapFlags, add_map_flags, check_results
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..rounds import TO_FIND, Rounds
+from ..sharing import SHARED_LENS_HELP, share_lenses
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -43,6 +45,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     workers = os.cpu_count() or 1
     parser.add_argument("--workers", type=int, default=workers, metavar="N", help=f"processes, each holds the scan ({workers})")
+    parser.add_argument("--shared-lens", choices=SHARING, default="auto", help=SHARED_LENS_HELP)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser, skip=("threads",))
     return parser
@@ -65,6 +68,7 @@ def run(args: argparse.Namespace) -> Outcome:
         if kept:
             message(f"{kept} of {len(queries)} photos were finished before and are kept.")
         Rounds(args.scene, args.workers, settings, flags if args.locate else None).run(queries, store)
+        share_lenses(args.shared_lens, queries, store)
     verdicts = Counter(record["verdict"] for record in store.records.values())
     say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
     code = FAILED_VERDICT if verdicts["failed"] else OK
