@@ -8,6 +8,7 @@ from core.geometry.camera import pose_error
 from core.pose.shared.lens import GUESS_STD
 from core.pose.shared_lens import share_lens
 
+
 @pytest.fixture(scope="module")
 def photos():
     return [solved_photo(seed, LENS) for seed in range(8)]

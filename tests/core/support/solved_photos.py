@@ -33,7 +33,7 @@ def solved_photo(seed, lens, noise=0.5):
 
 
 def record_of(photo, also=(), **evidence):
-    """The record of such a photo as JSON gives it back; `evidence` differs from that of a good pose. `also`: further reasons."""
+    """The record of such a photo as JSON gives it back; `evidence`: what differs from a good pose; `also`: further reasons."""
     _, camera, known = photo
     quality = PoseQuality("refined", camera.pose, 640, 4.0, 500, 0.8, 0.5, 0.9, 7, 1500, 0.9, 0.4, 0.03, 0.02, 0.4, 0.2, 0.8)
     quality = replace(quality, **evidence)
