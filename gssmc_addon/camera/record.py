@@ -18,10 +18,13 @@ from ...core.cameras.files import camera_from_dict, camera_to_dict
 from ...core.errors import GssmcError
 from ...core.geometry.camera import Camera, Pose
 from ...core.geometry.lie import so3_exp, so3_log
+from ...core.pose.shared_records import own_record, takes_part
 
 log = logging.getLogger(__name__)
 
 NAMES = ("verdict", "iterations", "seconds", "lens_state", "median_depth", "points", "frame")
+# What of a photo's own record is of no use for sharing its lens with other photos.
+NOT_OWN = ("iterations", "start", "seconds", "stage", "details", "own")
 POSE_NUMBERS = 6  # Per frame: rotation vector and translation, then fx, fy, cx, cy where the lens differs.
 
 
@@ -30,7 +33,9 @@ class SolvedCamera:
     """The record. `camera` belongs to the photo at the size that was refined; `frame` of the scene where the photo moves.
 
     `median_depth` is in units of the splat's file, `points` the splat's count; `lens_state` as in camera_props. `path`: of a
-    moving plate the camera at each frame that got a key.
+    moving plate the camera at each frame that got a key. `own`: what the photo's own solution left for sharing its lens, as the
+    record of it (see shared_records); None where it can share none. It goes where the record goes: a camera that is solved anew
+    has another one, and one that was changed is left out by whoever asks `solution.change` first.
     """
 
     camera: Camera
@@ -43,6 +48,7 @@ class SolvedCamera:
     points: int = 0
     frame: int | None = None
     path: Mapping[int, Camera] = field(default_factory=dict)
+    own: Mapping[str, Any] | None = None
 
     def camera_at(self, frame: int) -> Camera | None:
         """The camera at a frame of the scene; None where a path has no key."""
@@ -64,10 +70,18 @@ def read(data: bpy.types.Camera) -> SolvedCamera | None:
         return None
 
 
+def own_part(record: Mapping[str, Any]) -> dict[str, Any] | None:
+    """What of a photo's record, as the engine gives it, is kept for sharing its lens; None where it can share none."""
+    own = own_record(dict(record))
+    return {name: value for name, value in own.items() if name not in NOT_OWN} if takes_part(own) else None
+
+
 def dumps(solution: SolvedCamera) -> str:
     path = {str(frame): _numbers(camera, solution.camera) for frame, camera in solution.path.items()}
     said = {name: getattr(solution, name) for name in NAMES}
-    return json.dumps({**camera_to_dict(solution.camera), **said, "reasons": list(solution.reasons), "path": path})
+    return json.dumps(
+        {**camera_to_dict(solution.camera), **said, "reasons": list(solution.reasons), "path": path, "own": solution.own}
+    )
 
 
 def loads(text: str) -> SolvedCamera:
@@ -85,6 +99,7 @@ def loads(text: str) -> SolvedCamera:
         int(data["points"]),
         None if data["frame"] is None else int(data["frame"]),
         {int(frame): _with_numbers(camera, numbers) for frame, numbers in data["path"].items()},
+        data.get("own"),
     )
 
 
