@@ -53,7 +53,7 @@ def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
         report.seconds,
         "SOLVED" if solved else lens_state,
         report.quality.median_depth if report.quality else 0.0,
-        own=camera_record.own_part(report_to_dict(report)) if report.lens_evidence else None,
+        own=camera_record.own_part(report_to_dict(report)) if report.lens_evidence else "",
     )
 
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
+import numpy as np
 
-from ...core.cameras.files import camera_from_dict, camera_to_dict
+from ...core.cameras.files import camera_from_dict
 from ...core.errors import GssmcError
 from ...core.photos.taken_with import taken_with
 from ...core.pose.shared_records import share_records
@@ -27,7 +28,7 @@ from . import list as photo_list
 from .entry import GssmcPhoto
 
 Record = dict[str, Any]
-LENS = ("fx", "fy", "cx", "cy", "dist", "R", "t")  # of a camera's record, what sharing may change
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -89,20 +90,23 @@ def _solved(scene: bpy.types.Scene, entry: GssmcPhoto) -> _Solved | None:
     """None where the camera is not as it was solved, or its photo can tell nothing of its lens."""
     camera = photo_list.camera_of(scene, entry)
     solution = camera_record.read(camera.data) if camera else None
-    if (
-        camera is None
-        or solution is None
-        or not solution.own
-        or camera_solution.verdict(scene, camera) not in ("TRUSTED", "CHECK")
-    ):
+    own = camera_record.own_of(solution) if solution else None
+    if camera is None or solution is None or own is None:
         return None
-    return _Solved(camera, solution, dict(solution.own))
+    holds = camera_solution.verdict(scene, camera) in ("TRUSTED", "CHECK")
+    return _Solved(camera, solution, own) if holds else None
 
 
 def _differs(solution: SolvedCamera, record: Record) -> bool:
-    now = camera_to_dict(solution.camera)
+    now, wanted = solution.camera, camera_from_dict(record)
+    turned = np.abs(now.pose.R - wanted.pose.R).max() > ROUNDING  # a rotation that is read is orthonormalised anew
     said = solution.verdict, list(solution.reasons)
-    return said != (record["verdict"], record["reasons"]) or any(now[name] != record[name] for name in LENS)
+    return bool(
+        turned
+        or (now.pose.t != wanted.pose.t).any()
+        or now.intrinsics != wanted.intrinsics
+        or said != (record["verdict"], record["reasons"])
+    )
 
 
 def _write(scene: bpy.types.Scene, solved: _Solved, record: Record) -> str:
