@@ -1,8 +1,8 @@
 """Find Camera without any start: maps, hypotheses, verdicts, other places' photos, spoilt photos, random views.
 
-    .venv/bin/python benchmarks/locate.py [--quick] [--parts signs map photos guessed known cross spoilt sample] [--maps FOLDER]
+    .venv/bin/python benchmarks/locate.py [--quick] [--parts signs map photos guessed known cross ...] [--maps FOLDER]
 
-Needs the scans in ../shared/scenes for all parts but the last. Errors are per cent of the scan's median depth and degrees;
+Needs the scans in ../shared/scenes for all parts but sample and repeats. Errors: per cent of the scan's median depth, degrees;
 seconds are CPU time of this process (one thread). In the basin: within 30 % and 20 deg. --quick takes every third photo.
 """
 
@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,6 +25,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
+from large_scans import copies, scale_rows, split, town
 from real_scenes import SCENES, Scan
 
 from core.cameras.files import read_cameras
@@ -48,15 +50,17 @@ from core.photos.photo import Photo, read_photo
 from core.pose.settings import RefineSettings
 from core.render import Renderer, RenderSettings
 from core.splats.scene import GaussianScene
+from core.synthetic import buildings
 from core.synthetic.room import make_scene
-from core.synthetic.sample import make_photo
+from core.synthetic.sample import DEPTH, make_photo, sample_cameras
 
 BASIN = (30.0, 20.0)
 HOME = {"room": (1.0, 0.5)}  # whose truth is weak; the others':
 HOME_ELSEWHERE = (0.3, 0.2)
-PARTS = ("signs", "map", "photos", "guessed", "known", "cross", "spoilt", "sample")
+PARTS = ("signs", "map", "photos", "guessed", "known", "cross", "spoilt", "sample", "town", "repeats", "scale")
 OTHERS = {"fox": ("monstree", "room"), "monstree": ("room", "fox"), "room": ("fox", "monstree")}
 SETTINGS = RefineSettings(threads=1)
+TOWN_VIEWS = 120
 PLAIN = 150  # features; a view of the room with fewer shows little but bare walls
 
 
@@ -283,6 +287,45 @@ def sample_rows(views: int, folder: Path) -> Iterator[str]:
     )
 
 
+def town_rows(places: dict[str, Place], folder: Path) -> Iterator[str]:
+    """All places and the sample room in one scan, among floaters, inside of a shell."""
+    room = make_scene()
+    scans = [place.scan for place in places.values()]
+    made = town([*(scan.scene for scan in scans), room], [*(scan.depth for scan in scans), DEPTH])
+    landmarks, renderer = mapped("town", made.scene, TOWN_VIEWS, [], folder), Renderer(made.scene, RenderSettings(threads=1))
+    photos = [list(photos_of(scan, False)) for scan in scans]
+    photos.append([(c, make_photo(Renderer(room, RenderSettings(threads=1)), c)) for c in sample_cameras()])
+    yield "\n| place of the town | views | hypothesis in basin |\n|---|---|---|"
+    for name, own, offset, scale in zip([*places, "sample room"], photos, made.offset, made.scale, strict=True):
+        for views in (TOWN_VIEWS // 3, TOWN_VIEWS):
+            good = 0
+            for truth, photo in own:
+                part = LandmarkMap(landmarks.key, landmarks.views[:views])
+                located = locate(renderer, PhotoLens(photo, truth.intrinsics), part)
+                if located.hypotheses:
+                    centre = scale * truth.pose.centre + offset
+                    distance, degrees = pose_error(located.hypotheses[0].pose, Pose.from_centre(truth.pose.R, centre))
+                    good += within((100 * distance, degrees), BASIN)
+            yield f"| {name} | {views} | {good} of {len(own)} |"
+
+
+def repeat_rows() -> Iterator[str]:
+    """Places that repeat themselves, whose cameras are known exactly."""
+    yield "\n| place | photo | verdict | error (scene units / deg) | reason |\n|---|---|---|---|---|"
+    doors = [*(buildings.door_camera(bay) for bay in range(buildings.BAYS)), buildings.end_camera()]
+    for name, scene, cameras in (
+        ("courtyard", buildings.courtyard(), buildings.courtyard_cameras(16)),
+        ("corridor", buildings.corridor(), doors),
+    ):
+        renderer = Renderer(scene, RenderSettings(threads=1))
+        *_, last = build_map(scene, MapSettings(views=40))
+        for camera in cameras:
+            photo = make_photo(renderer, camera)
+            report = find_camera(renderer, PhotoLens(photo, camera.intrinsics), last.map, SETTINGS)
+            error = pose_error(report.camera.pose, camera.pose) if report.camera else (np.nan, np.nan)
+            yield f"| {name} | {camera.file} | {report.verdict} | {error[0]:.3f} / {error[1]:.2f} | {report.reasons[0]} |"
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", nargs="*", default=["fox", "monstree", "room"])
@@ -317,12 +360,28 @@ def rows(places: dict[str, Place], args: argparse.Namespace) -> Iterator[str]:
         place = Place(scan, mapped("room", scan.scene, args.views, cameras, args.maps))
         yield PHOTO_HEADER
         yield photo_row(place, "room with its cameras", False, args.quick, args.verbose)
-    if "cross" in args.parts:
-        yield from cross_rows(places, args.quick)
-    if "spoilt" in args.parts and places:
-        yield from spoilt_rows(places, args.quick)
-    if "sample" in args.parts:
-        yield from sample_rows(min(args.views, 40), args.maps)
+    yield from more_rows(places, args)
+
+
+def more_rows(places: dict[str, Place], args: argparse.Namespace) -> Iterator[str]:
+    """The rows of the parts that ask for more than the scans' own photos."""
+    fox = places["fox"].scan.scene if "fox" in places else make_scene()
+    large = {
+        f"fox, {what} by {count}": partial(make, fox, count)
+        for count in (10, 34)
+        for what, make in (("split", split), ("copied", copies))
+    }
+    makers: dict[str, Callable[[], Iterator[str]]] = {
+        "cross": lambda: cross_rows(places, args.quick),
+        "spoilt": lambda: spoilt_rows(places, args.quick),
+        "sample": lambda: sample_rows(min(args.views, 40), args.maps),
+        "town": lambda: town_rows(places, args.maps),
+        "repeats": repeat_rows,
+        "scale": lambda: scale_rows(large, args.maps, 40),
+    }
+    for part, make_rows in makers.items():
+        if part in args.parts and (places or part in ("sample", "repeats")):
+            yield from make_rows()
 
 
 if __name__ == "__main__":

@@ -21,8 +21,11 @@ class GSSMC_OT_back_to_solution(Idle, PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         camera = context.scene.camera
-        if camera is None or camera.type != "CAMERA" or not camera.data.gssmc.solution:
-            cls.poll_message_set("The scene camera was never solved")
+        if camera is None or camera.type != "CAMERA":
+            cls.poll_message_set("The scene has no camera; undo its removal, or pick another photo on the list")
+            return False
+        if not camera.data.gssmc.solution:
+            cls.poll_message_set("The scene camera was never solved; use Find Camera or Refine Camera")
             return False
         return super().poll(context)
 

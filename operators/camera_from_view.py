@@ -13,7 +13,7 @@ from ..gssmc_addon.photo import camera as photo_camera
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import n_, rpt_
 
-NO_VIEW = n_("There is no 3D viewport to take the view from")
+NO_VIEW = n_("There is no 3D viewport to take the view from; open one")
 
 
 class GSSMC_OT_camera_from_view(PlainOperator, bpy.types.Operator):

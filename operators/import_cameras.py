@@ -42,7 +42,7 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.gssmc.splat is None:
-            cls.poll_message_set("Cameras need a splat to stand in; import the splat first.")
+            cls.poll_message_set("Cameras need a splat to stand in; import the splat first")
             return False
         return super().poll(context)
 

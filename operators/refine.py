@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 
 from ..core.pose.report import RefineReport
+from ..gssmc_addon.find import job as find_job
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.refine import job as refine_job
 from ..gssmc_addon.registration import settings as settings_props
@@ -15,7 +16,8 @@ from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
-    """Find the exact camera of the photo, starting from where the camera stands"""
+    """Find the exact camera of the photo, starting from where the camera stands. Where that fails, it is searched for in the
+    whole scan, as Find Camera does"""
 
     bl_idname = "gssmc.refine"
     bl_label = "Refine Camera"
@@ -24,6 +26,11 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
     __annotations__ = {
         "splat": StringProperty(name="Splat", description="Name of the splat object; empty: the one picked in the panel"),
         "camera": StringProperty(name="Camera", description="Name of the camera object; empty: the scene camera"),
+        "locate": BoolProperty(
+            name="Search the Scan",
+            default=True,
+            description="Where no camera is found from where it stands, it is searched for in the whole scan",
+        ),
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
     }
@@ -33,7 +40,8 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
         splat = bpy.data.objects.get(self.splat) if self.splat else scene.gssmc.splat
         camera = bpy.data.objects.get(self.camera) if self.camera else scene.camera
         context.view_layer.update()  # Scripts set locations and expect them to be used.
-        job = refine_job.prepare(scene, splat, camera, settings_props.settings_from(scene.gssmc, self.properties))
+        prepare = find_job.prepare_refinement if self.locate else refine_job.prepare
+        job = prepare(scene, splat, camera, settings_props.settings_from(scene.gssmc, self.properties))
         problem.begin(self.bl_label)
         return job
 

@@ -26,7 +26,7 @@ class GSSMC_OT_remove_photo(Idle, Reporter, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         own = context.scene.gssmc
         if not 0 <= own.photo_index < len(own.photos):
-            cls.poll_message_set("No photo of the list is picked")
+            cls.poll_message_set("No photo of the list is picked; click one first")
             return False
         return super().poll(context)
 

@@ -40,8 +40,8 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
         scene, folder = context.scene, Path(bpy.path.abspath(self.directory))
         cameras = photo_list.cameras(scene)
         images = [(camera, photo_image.camera_photo(camera)) for camera in cameras]
-        found = [(c, find_mask(folder, Path(photo_image.photo_file(i) or i.name))) for c, i in images if i]
-        masks = [(camera, mask_source.load(str(file))) for camera, file in found if file]
+        files = [(c, find_mask(folder, Path(photo_image.photo_file(i) or i.name))) for c, i in images if i]
+        masks = [(camera, mask_source.load(str(file))) for camera, file in files if file]
         for camera, mask in masks:
             camera.data.gssmc.mask = mask
         values = {"count": len(masks), "photos": len(cameras), "folder": folder.name}

@@ -26,7 +26,7 @@ class GSSMC_OT_up_axis(PlainOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not splat_object.is_splat(context.scene.gssmc.splat):
-            cls.poll_message_set("No splat is picked")
+            cls.poll_message_set("No splat is picked; import one, or pick it in the panel")
             return False
         return True
 

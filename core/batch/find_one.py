@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from ..cameras.unplaced import Unplaced, wanted_to_dict
@@ -11,7 +12,7 @@ from ..photos.photo import Photo, check_size
 from ..pose.report_json import failed_to_dict, pose_to_dict, report_to_dict
 
 Record = dict[str, Any]
-RETRIED = "The refinement from the given start failed, so the camera was searched for without it."
+RETRIED = "Found without the start: the refinement from it failed, so the camera was searched for without it."
 
 
 def find_target(photo: Photo, wanted: Camera | Unplaced) -> PhotoLens:
@@ -25,12 +26,13 @@ def find_target(photo: Photo, wanted: Camera | Unplaced) -> PhotoLens:
 
 def found_to_dict(found: FindReport, wanted: Unplaced) -> Record:
     """The record: as `report_to_dict` gives it, with "hypothesis" (what the map said, which was refined; null where nothing in
-    it matched) and "map_views" (how many views of the map were tried). A photo that was not found has neither "R" nor "t".
+    it matched) and "map_views" (how many views of the map were tried). A photo that was not found has neither "R" nor "t" nor
+    a "start".
     """
     if found.refined is None:
         record = failed_to_dict(wanted, "")
     elif found.camera is None:
-        record = {**report_to_dict(found.refined), **wanted_to_dict(wanted)}
+        record = {**report_to_dict(found.refined), **wanted_to_dict(wanted), "start": None}
     else:
         record = {**report_to_dict(found.refined), "file": wanted.file}
     told = {"verdict": found.verdict, "reasons": list(found.reasons), "seconds": round(found.seconds, 3)}
@@ -44,9 +46,14 @@ def joined(first: Record, found: Record) -> Record:
     seconds = round(first["seconds"] + found["seconds"], 3)
     if found["verdict"] != "failed":
         return {**found, "reasons": [*found["reasons"], RETRIED], "seconds": seconds}
-    reasons = [*first["reasons"], *(f"Without the start: {r}" for r in found["reasons"] if r not in first["reasons"])]
+    reasons = not_found_either(first["reasons"], found["reasons"])
     more = {name: found.get(name) for name in ("hypothesis", "map_views")}
     return {**first, "reasons": reasons, "seconds": seconds, **more}
+
+
+def not_found_either(first: Sequence[str], found: Sequence[str]) -> list[str]:
+    """The reasons of a photo whose refinement from its start failed, and that was not found without it."""
+    return [*first, *(f"Without the start: {reason}" for reason in found if reason not in first)]
 
 
 def _hypothesis(one: Hypothesis | None) -> Record | None:

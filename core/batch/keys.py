@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ..cameras.files import StartCamera
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..errors import SplatFormatError
 from ..geometry.camera import Camera
@@ -21,10 +22,23 @@ Stamp = tuple[int, int] | None
 
 
 @dataclass(frozen=True)
+class Refused:
+    """A record that is known to fail before any work: what of it could be read, and one sentence that says why."""
+
+    given: StartCamera | Unplaced
+    sentence: str
+
+    @property
+    def file(self) -> str:
+        """The photo's name as the source spells it, "" where it names none."""
+        return self.given.file
+
+
+@dataclass(frozen=True)
 class BatchQuery:
     """A start camera, or what is known of one without a pose, its photo's file, and its mask's where it has one."""
 
-    camera: Camera | Unplaced
+    camera: Camera | Unplaced | Refused
     photo: Path
     mask: Path | None = None
 
@@ -38,9 +52,12 @@ def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettin
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
     common = (KEY_VERSION, scan_file_digest(scan), options, models, finding)
     return [
-        key_of(common, wanted_to_dict(q.camera), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask))
-        for q in queries
+        key_of(common, _given(q), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask)) for q in queries
     ]
+
+
+def _given(query: BatchQuery) -> dict[str, Any]:
+    return wanted_to_dict(query.camera.given if isinstance(query.camera, Refused) else query.camera)
 
 
 def key_of(*parts: Any) -> str:
@@ -60,6 +77,10 @@ def stamp(path: Path) -> Stamp:
 def scan_file_digest(path: Path) -> str:
     """Digest of a splat file: its size, the time of its last change, and BLOCKS blocks spread over its content, both ends
     among them. Raises SplatFormatError when it cannot be read.
+
+    A map of the scan is kept under `locate.scan_digest`, of the Gaussians themselves, because Blender has them without a file.
+    This one takes some milliseconds whatever the scan's size, where that one needs the whole scan read first: a batch that is
+    finished, or whose photos all have starts, need not read it at all in its own process.
     """
     digest = hashlib.sha256()
     try:

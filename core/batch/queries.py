@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ..cameras import match_names, queries, read
-from ..cameras.files import StartCamera
+from ..cameras.files import StartCamera, parse_file
 from ..cameras.pose_list import checked
-from ..cameras.unplaced import Unplaced, read_wanted
+from ..cameras.unplaced import Unplaced, wanted_from_dict
 from ..errors import CameraError, DatasetError, PhotoError, UsageError
-from ..geometry.camera import Camera, Intrinsics
+from ..geometry.camera import Camera
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
+from ..support.words import counted
+from .keys import Refused
 
-# The lens of a photo that cannot be read; the photo is refused when its turn comes.
-LENS_OF_UNREADABLE = Intrinsics(1920, 1080, 1920, 1920, 960, 540)
+Query = Camera | Unplaced | Refused
 
 
 @dataclass(frozen=True)
 class BatchPhotos:
-    """Start cameras, or lenses of photos without a start, whose "file" is the photo's name as the source spells it, and as many
-    photo files; `notes` are sentences on what was assumed or left out, for whoever asked.
+    """Start cameras, or lenses of photos without a start, or records that cannot be used, whose "file" is the photo's name as
+    the source spells it, and as many photo files; `notes` are sentences on what was assumed or left out, for whoever asked.
     """
 
-    cameras: list[Camera | Unplaced]
+    cameras: list[Query]
     photos: list[Path]
     notes: tuple[str, ...] = ()
 
@@ -33,25 +37,18 @@ class BatchPhotos:
 def find_queries(args: argparse.Namespace) -> BatchPhotos:
     """The queries of a batch's flags; `args.locate` tells whether photos without a start are found as well.
 
-    Raises UsageError, DatasetError or CameraError.
+    A record that cannot be used is Refused, by itself. Raises UsageError or DatasetError, and CameraError where no record can.
     """
     if args.queries.is_dir():
         found = _from_dataset(args.queries, args.start, args.focal, args.locate)
     else:
-        found = _from_cameras(args.queries, args.start, args.focal)
-    if not args.locate:
-        _check_placed(found, args.queries)
+        found = _from_cameras(args.queries, args.start, args.focal, args.locate)
     if args.poses is not None:
         for camera in found.cameras:
             # A name that cannot be written is found before hours of work, not after them.
-            checked(camera.file)
+            if not isinstance(camera, Refused):
+                checked(camera.file)
     return found
-
-
-def _check_placed(found: BatchPhotos, source: Path) -> None:
-    for number, camera in enumerate(found.cameras, 1):
-        if isinstance(camera, Unplaced):
-            raise CameraError(f"Camera {number} of '{source.name}' has no R and t; give a start, or leave out --no-locate.")
 
 
 def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate: bool) -> BatchPhotos:
@@ -62,59 +59,86 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate:
         raise UsageError(f"--focal is {focal:g}; give the focal length in pixels.")
     wanted = queries(folder, focal)
     if start is None:
-        return BatchPhotos([Unplaced(one.name, one.intrinsics) for one in wanted], [one.photo.resolve() for one in wanted])
+        unplaced: list[Query] = [Unplaced(one.name, one.intrinsics) for one in wanted]
+        return BatchPhotos(unplaced, [one.photo.resolve() for one in wanted])
     starts = read(start)
     found = match_names([query.name for query in wanted], starts.names, folder.name, starts.source)
     if all(i is None for i in found):
         raise DatasetError(f"'{start.name}' has no start pose for any test photo of '{folder.name}'; give the same scene's.")
     pairs = [(query, i) for query, i in zip(wanted, found, strict=True) if locate or i is not None]
-    cameras = [
+    cameras: list[Query] = [
         Unplaced(query.name, query.intrinsics) if i is None else Camera(query.intrinsics, starts.frames[i].pose, query.name)
         for query, i in pairs
     ]
-    what = "are searched for without one" if locate else "are left out"
-    said = f"{found.count(None)} of {len(wanted)} test photos have no start pose in '{start.name}' and {what}."
-    return BatchPhotos(cameras, [query.photo.resolve() for query, _ in pairs], (said,) if None in found else ())
+    lacking = f"{found.count(None)} of {counted(len(wanted), 'test photo')}"
+    what = "searched for" if locate else "left out"
+    note = f"'{start.name}' has no start pose for {lacking}; without one, a photo is {what}."
+    return BatchPhotos(cameras, [query.photo.resolve() for query, _ in pairs], (note,) if None in found else ())
 
 
-def _from_cameras(file: Path, start: Path | None, focal: float | None) -> BatchPhotos:
-    """Records of a JSON file, each with its photo relative to that file."""
-    records = read_wanted(file)
+def _from_cameras(file: Path, start: Path | None, focal: float | None, locate: bool) -> BatchPhotos:
+    """Records of a JSON file, each with its photo relative to that file. Raises CameraError when none of them can be used."""
+    records = parse_file(file, partial(_record, locate=locate))
     for flag, value in (("--start", start), ("--focal", focal)):
         if value is not None:
             raise UsageError(f"{flag} goes with a data set's folder; '{file.name}' brings its own cameras.")
-    for number, record in enumerate(records, 1):
-        if not record.file:
-            raise UsageError(f"Camera {number} of '{file.name}' names no photo; give it a \"file\".")
+    refused = [record for record in records if isinstance(record, Refused)]
+    if len(refused) == len(records):
+        raise CameraError(refused[0].sentence)
     photos = [file.resolve().parent / record.file for record in records]
-    cameras, notes = _with_lenses(records, photos)
-    return BatchPhotos(cameras, photos, notes)
+    return _with_lenses(records, photos)
 
 
-def _with_lenses(
-    records: Sequence[StartCamera | Unplaced], photos: list[Path]
-) -> tuple[list[Camera | Unplaced], tuple[str, ...]]:
-    """The cameras, with lenses by their photos where the file tells none, and what was assumed."""
-    cameras: list[Camera | Unplaced] = []
-    assumed: list[LensGuess | None] = []
-    for record, photo in zip(records, photos, strict=True):
-        guess = _guess(photo) if record.intrinsics is None else None
-        lens = guess.intrinsics if guess else LENS_OF_UNREADABLE
-        cameras.append(record.camera(lens) if isinstance(record, StartCamera) else record.with_guess(lens))
-        assumed += [guess] if record.intrinsics is None else []
-    if not assumed:
-        return cameras, ()
-    by_exif = sum(guess is not None and guess.focal_35mm is not None for guess in assumed)
-    said = (
-        f"{len(assumed)} of {len(records)} starts tell no lens: {by_exif} get theirs from EXIF, "
-        f"{len(assumed) - by_exif} a field of view of {DEFAULT_FOV_DEG:g} degrees across the long side."
-    )
-    return cameras, (said,)
-
-
-def _guess(photo: Path) -> LensGuess | None:
-    """None for a photo that cannot be read, which is found out when its turn comes."""
+def _record(data: Any, name: str, locate: bool) -> StartCamera | Unplaced | Refused:
+    """The record in a JSON value, Refused where its photo cannot be tried; `name` begins the sentence."""
     try:
-        return guess_lens_of_file(photo)
-    except (PhotoError, OSError):
-        return None
+        wanted = wanted_from_dict(data, name)
+    except CameraError as error:
+        file = data.get("file") if isinstance(data, dict) else ""
+        return Refused(Unplaced(file if isinstance(file, str) and _can_be_a_file(file) else ""), str(error))
+    if not wanted.file or not _can_be_a_file(wanted.file):
+        return Refused(replace(wanted, file=""), f'{name} names no photo; give it a "file".')
+    if isinstance(wanted, Unplaced) and not locate:
+        return Refused(wanted, f"{name} has no R and t; give a start, or leave out --no-locate.")
+    return wanted
+
+
+def _can_be_a_file(name: str) -> bool:
+    """Whether the system could have a file of that name: JSON holds characters that no name has."""
+    try:
+        return b"\0" not in os.fsencode(name)
+    except UnicodeEncodeError:
+        return False
+
+
+def _with_lenses(records: Sequence[StartCamera | Unplaced | Refused], photos: list[Path]) -> BatchPhotos:
+    """The cameras, with lenses by their photos where the file tells none, and what was assumed. A photo that cannot be read
+    gives no lens, so that its record is refused here.
+    """
+    cameras: list[Query] = []
+    assumed: list[LensGuess] = []
+    for record, photo in zip(records, photos, strict=True):
+        if isinstance(record, Refused):
+            cameras.append(record)
+            continue
+        try:
+            guess = guess_lens_of_file(photo) if record.intrinsics is None else None
+        except PhotoError as error:
+            cameras.append(Refused(record, str(error)))
+            continue
+        assumed += [guess] if guess else []
+        cameras.append(_with_lens(record, guess))
+    if not assumed:
+        return BatchPhotos(cameras, photos)
+    by_exif = sum(guess.focal_35mm is not None for guess in assumed)
+    note = (
+        f"No lens is given for {len(assumed)} of {counted(len(records), 'photo')}: it is EXIF's for {by_exif}, "
+        f"and {DEFAULT_FOV_DEG:g} degrees across the long side for {len(assumed) - by_exif}."
+    )
+    return BatchPhotos(cameras, photos, (note,))
+
+
+def _with_lens(record: StartCamera | Unplaced, guess: LensGuess | None) -> Camera | Unplaced:
+    lens = record.intrinsics or (guess.intrinsics if guess else None)
+    assert lens is not None
+    return record.camera(lens) if isinstance(record, StartCamera) else record.with_guess(lens)

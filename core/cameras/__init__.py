@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import DatasetError
-from . import cambridge, camera_json, colmap, nerfstudio, pose_list, seven_scenes
+from . import cambridge, camera_json, colmap, inria, nerfstudio, pose_list, seven_scenes
 from .files import StartCamera
 from .names import match_names
 from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
@@ -47,6 +47,7 @@ LAYOUTS: dict[str, Layout] = {
     "7scenes": Layout(seven_scenes.detect, seven_scenes.read, seven_scenes.queries),
     "cambridge": Layout(cambridge.detect, cambridge.read, cambridge.queries),
     "nerfstudio": Layout(nerfstudio.detect, nerfstudio.read),
+    "inria": Layout(inria.detect, inria.read),
     "cameras": Layout(camera_json.detect, camera_json.read),
     "colmap": Layout(colmap.detect, colmap.read),
     "poses": Layout(pose_list.detect, pose_list.read),

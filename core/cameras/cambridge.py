@@ -14,6 +14,7 @@ from ..errors import CameraError, DatasetError, PhotoError
 from ..geometry.camera import Intrinsics, Pose
 from ..geometry.quaternion import rotation_from_quaternion
 from ..photos.photo import read_photo
+from ..support.words import counted
 from .colmap import read_lens
 from .names import match_names
 from .text import data_lines, head, numbers
@@ -71,7 +72,9 @@ def _rows(path: Path) -> list[tuple[str, list[str]]]:
         if columns[0] == COLUMN_TITLE or " ".join(columns).startswith(TITLE):
             continue
         if len(columns) != COLUMNS:
-            raise DatasetError(f"{where} has {len(columns)} columns; it should hold a photo's name and X Y Z W P Q R.")
+            raise DatasetError(
+                f"{where} has {counted(len(columns), 'column')}; it should hold a photo's name and X Y Z W P Q R."
+            )
         rows.append((where, columns))
     return rows
 
@@ -111,7 +114,7 @@ def _all_found(found: list[int | None], names: list[str], path: Path) -> list[in
     known = [i for i in found if i is not None]
     if len(known) < len(names):
         first = names[found.index(None)]
-        missing = f"{len(names) - len(known)} of {len(names)} test photos ('{short(first)}')"
+        missing = f"{len(names) - len(known)} of {counted(len(names), 'test photo')} ('{short(first)}')"
         raise DatasetError(f"'{path.name}' lacks the lens of {missing}; give one for all with --focal.")
     return known
 

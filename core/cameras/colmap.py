@@ -12,6 +12,7 @@ from pathlib import Path
 from ..errors import CameraError, DatasetError
 from ..geometry.camera import Camera, Intrinsics
 from ..support.atomic import atomic_write
+from ..support.words import counted
 from . import colmap_binary
 from .pose_list import pose_columns
 from .text import (
@@ -24,7 +25,7 @@ from .text import (
     read_lines,
     usable_numbers,
 )
-from .types import PosedFrame, PoseSet, Split, pose_set, short
+from .types import PosedFrame, PoseSet, Split, lens_of_file, pose_set, short
 
 IMAGES, CAMERAS, POINTS = "images.txt", "cameras.txt", "points3D.txt"
 PLACES = (".", "sparse/0", "sparse")
@@ -124,7 +125,7 @@ def lens_of(model: str, values: list[float], where: str) -> Intrinsics | None:
     fx, fy = (named.get(name, named.get("f", 0.0)) for name in ("fx", "fy"))
     k1, k2, p1, p2, k3 = (named.get(name, 0.0) for name in DISTORTION)
     try:
-        return Intrinsics(int(width), int(height), fx, fy, named["cx"], named["cy"], (k1, k2, p1, p2, k3))
+        return lens_of_file(Intrinsics(int(width), int(height), fx, fy, named["cx"], named["cy"], (k1, k2, p1, p2, k3)))
     except CameraError as error:
         raise DatasetError(f"{where} cannot be used: {error}") from None
 
@@ -148,7 +149,9 @@ def _image_lines(path: Path) -> Iterator[tuple[str, list[str], str]]:
             continue
         columns = line.split(maxsplit=COLUMNS - 1)
         if len(columns) < COLUMNS:
-            raise DatasetError(f"{where} has {len(columns)} columns; it should hold id qw qx qy qz tx ty tz camera name.")
+            raise DatasetError(
+                f"{where} has {counted(len(columns), 'column')}; it should hold id qw qx qy qz tx ty tz camera name."
+            )
         expect_points = True
         yield where, columns, columns[-1].strip()
 

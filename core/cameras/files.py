@@ -19,6 +19,7 @@ import numpy as np
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics, Pose
 from ..support.atomic import atomic_write
+from .types import lens_of_file
 
 T = TypeVar("T")
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
@@ -112,9 +113,9 @@ def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
     R, t = _numbers(data["R"], (3, 3), name, "R"), _numbers(data["t"], (3,), name, "t")
     file, guessed = data.get("file", ""), data.get("focal_guessed", False)
     if not isinstance(file, str):
-        raise CameraError(f"{name} has a file that is not text; give the photo's path.")
+        raise CameraError(f'{name} has the entry "file", which is not text; give the photo\'s path.')
     if not isinstance(guessed, bool):
-        raise CameraError(f"{name} has a focal_guessed that is neither true nor false; correct it.")
+        raise CameraError(f'{name} has the entry "focal_guessed", which is neither true nor false; correct it.')
     try:
         return StartCamera(Pose(R, t), file, lens, guessed or lens is None or solved_lens(data))
     except CameraError as error:
@@ -143,12 +144,12 @@ def _lens(data: dict[str, Any], name: str) -> Intrinsics:
     numbers = {key: float(_numbers(data[key], (), name, key)) for key in NUMBERS}
     for key in ("width", "height"):
         if not numbers[key].is_integer():
-            raise CameraError(f"{name} has a {key} of {numbers[key]:g} pixels; give a whole number.")
+            raise CameraError(f'{name} has the entry "{key}" of {numbers[key]:g} pixels; give a whole number.')
     dist = np.atleast_1d(_numbers(data.get("dist") or [], (-1,), name, "dist"))
     fx, fy, cx, cy = (numbers[key] for key in ("fx", "fy", "cx", "cy"))
     distortion: Any = tuple(dist.tolist())  # Intrinsics pads four values to five, and refuses more
     try:
-        return Intrinsics(int(numbers["width"]), int(numbers["height"]), fx, fy, cx, cy, distortion)
+        return lens_of_file(Intrinsics(int(numbers["width"]), int(numbers["height"]), fx, fy, cx, cy, distortion))
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
 
@@ -156,7 +157,7 @@ def _lens(data: dict[str, Any], name: str) -> Intrinsics:
 def _numbers(value: Any, shape: tuple[int, ...], name: str, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:
     """`value` as a float64 array of `shape` (-1 = any length); CameraError when it is anything else."""
     words = {(): "a number", (3,): "3 numbers", (3, 3): "3 rows of 3 numbers", (-1,): "a list of numbers"}[shape]
-    problem = CameraError(f"{name} has a {key} that is not {words}; correct it.")
+    problem = CameraError(f'{name} has the entry "{key}", which is not {words}; correct it.')
     try:
         array = np.array(value)
     except ValueError:

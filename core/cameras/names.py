@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
 from ..errors import CameraError, DatasetError
+from ..support.words import counted
 from .types import short
 
 SUFFIX = re.compile(r"(\.(color|pose))?(\.(png|jpe?g|tiff?|webp|bmp|ppm|pgm|exr|hei[cf]|txt))?$", re.IGNORECASE)
@@ -38,7 +39,7 @@ def record_of_photo(records: Sequence[Record], photo: str, source: str) -> Recor
     named = named or [one for one in records if one.file and name_key(_file_name(one.file)) == name_key(name)]
     if len(named) != 1:
         raise CameraError(
-            f"'{source}' holds {len(records)} cameras, {len(named)} of them for '{short(name)}'; "
+            f"'{source}' holds {counted(len(records), 'camera')}, {len(named)} of them for '{short(name)}'; "
             'give one camera, or one whose "file" names the photo.'
         )
     return named[0]

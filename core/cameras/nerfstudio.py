@@ -14,7 +14,7 @@ from ..geometry.conventions import pose_from_opengl, pose_to_opengl
 from ..support.atomic import atomic_write
 from .files import load_json
 from .text import head
-from .types import PosedFrame, PoseSet, Split, pose_set
+from .types import PosedFrame, PoseSet, Split, lens_of_file, pose_set
 
 FILE = "transforms.json"
 SIGNS = ('"transform_matrix"', '"fl_x"', '"camera_angle_x"')
@@ -84,7 +84,8 @@ def _lens(values: dict[str, Any]) -> Intrinsics | None:
         k1, k2, p1, p2, k3 = (float(values.get(name, 0.0)) for name in DISTORTION)
         if "FISHEYE" in str(values.get("camera_model", "")) or values.get("k4"):
             return None
-        return Intrinsics(int(width), int(height), fx, float(values.get("fl_y", fx)), cx, cy, (k1, k2, p1, p2, k3))
+        fy = float(values.get("fl_y", fx))
+        return lens_of_file(Intrinsics(int(width), int(height), fx, fy, cx, cy, (k1, k2, p1, p2, k3)))
     except (KeyError, TypeError, ValueError, OverflowError, ZeroDivisionError, CameraError):
         return None
 

@@ -9,6 +9,7 @@ from ..errors import DatasetError
 from ..geometry.camera import Pose
 from ..geometry.quaternion import quaternion_from_rotation
 from ..support.atomic import atomic_write
+from ..support.words import counted
 from .text import data_lines, pose_from_columns
 from .types import PosedFrame, PoseSet, Split, pose_set, short
 
@@ -25,7 +26,7 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     frames = []
     for where, columns in data_lines(path):
         if len(columns) < COLUMNS:
-            raise DatasetError(f"{where} has {len(columns)} columns; it should hold name qw qx qy qz tx ty tz.")
+            raise DatasetError(f"{where} has {counted(len(columns), 'column')}; it should hold name qw qx qy qz tx ty tz.")
         frames.append(PosedFrame(columns[0], pose_from_columns(columns[1:COLUMNS], where)))
     return pose_set(path, frames, metric=True)
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..errors import DatasetError
+from ..errors import CameraError, DatasetError
 from ..geometry.camera import Intrinsics, Pose
+from ..photos.size import size_problem
 
 Split = Literal["test", "train"]
 # An error shows so many characters of a name.
@@ -50,6 +51,14 @@ class QueryPhoto:
     name: str
     photo: Path
     intrinsics: Intrinsics
+
+
+def lens_of_file(lens: Intrinsics) -> Intrinsics:
+    """The lens that a camera file tells, as it is: every reader asks this. Raises CameraError where no photo has its size."""
+    problem = size_problem(lens.width, lens.height)
+    if problem:
+        raise CameraError(f"The camera's image is {lens.width} x {lens.height} pixels; {problem}, so correct its size.")
+    return lens
 
 
 def short(name: str) -> str:

@@ -57,10 +57,12 @@ def is_unplaced(data: Any) -> bool:
     return said and all(data.get(key) is None for key in POSE)
 
 
-def wanted_to_dict(wanted: Camera | Unplaced) -> dict[str, Any]:
+def wanted_to_dict(wanted: Camera | StartCamera | Unplaced) -> dict[str, Any]:
     """The record as JSON holds it; without a pose, "R" and "t" are null, and the lens's keys are left out where it has none."""
     if isinstance(wanted, Camera):
         return camera_to_dict(wanted)
+    if isinstance(wanted, StartCamera):
+        return wanted.to_dict()
     if wanted.intrinsics is None:
         return {"file": wanted.file, "R": None, "t": None}
     camera = Camera(wanted.intrinsics, Pose(), wanted.file, focal_guessed=wanted.focal_guessed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..splats import GaussianScene
+from ..support.words import counted
 from .console import message
 
 
@@ -10,6 +11,6 @@ def say_dropped(scene: GaussianScene) -> None:
     """Tell how many Gaussians of the file were left out, when any were."""
     if scene.dropped:
         total = scene.dropped + len(scene)
-        message(f"Left out {scene.dropped} of {total} Gaussians whose values are NaN or infinite.")
+        message(f"Left out {scene.dropped} of {counted(total, 'Gaussian')}, for a value that is NaN or infinite.")
     if scene.normalised:
-        message(f"Put right {scene.normalised} Gaussians whose rotation or opacity was out of range.")
+        message(f"Put right {counted(scene.normalised, 'Gaussian')} whose rotation or opacity was out of range.")

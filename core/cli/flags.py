@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection
+import math
+from collections.abc import Callable, Collection
 from dataclasses import fields, replace
 from typing import Any
 
+from ..cameras import short
 from ..errors import UsageError
 from ..features.frontend import check_choice
 from ..pose.settings import RefineSettings
@@ -22,7 +24,30 @@ class OneLineParser(argparse.ArgumentParser):
     """Says what is wrong in one sentence instead of printing the usage."""
 
     def error(self, message: str) -> Any:
+        message = message.removeprefix("argument ")
         raise UsageError(f"{message[:1].upper()}{message[1:]}; see '{self.prog} --help'.")
+
+
+def whole_number(text: str) -> int:
+    """A number of an option. Raises ArgumentTypeError with a sentence of ours."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{short(text)}' is no whole number; give one, such as 3") from None
+
+
+def number(text: str) -> float:
+    """A finite number of an option. Raises ArgumentTypeError with a sentence of ours."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"'{short(text)}' is no number; give one, such as 0.5")
+    return value
+
+
+NUMBERS: dict[type, Callable[[str], float]] = {int: whole_number, float: number}
 
 
 def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = ()) -> None:
@@ -41,7 +66,7 @@ def add_settings_flags(parser: argparse.ArgumentParser, skip: Collection[str] = 
         elif isinstance(field.default, str):
             group.add_argument(f"--{flag}", metavar="FILE", help=text, **common)
         else:
-            kind, help_text = type(field.default), f"{text} ({field.default})"
+            kind, help_text = NUMBERS[type(field.default)], f"{text} ({field.default})"
             group.add_argument(f"--{flag}", type=kind, metavar="N", help=help_text, **common)
 
 

@@ -6,20 +6,25 @@ import argparse
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import fields
+from functools import cached_property
 from pathlib import Path
 
 from ..errors import UsageError
 from ..geometry.camera import Camera
 from ..locate import FindProgress, FindReport, LandmarkMap, MapCache, MapPlace, MapSettings, PhotoLens, find_camera, map_key
-from ..locate.known_cameras import read_known
+from ..locate.known_cameras import cameras_beside, read_known
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
 from ..splats import GaussianScene
+from ..support.atomic import check_writable
+from ..support.words import counted
 from .console import message
+from .flags import whole_number
 from .paths import check_outputs
 from .progress import ProgressBar
 
 CACHES = ("scan", "user")
+NO_CAMERAS = Path("none")
 VIEWS = next(field.default for field in fields(MapSettings) if field.name == "views")
 
 
@@ -30,11 +35,10 @@ def add_map_flags(parser: argparse.ArgumentParser, switch: bool = False) -> None
         text = "do not search for photos that have no start, or whose refinement from their start failed"
         group.add_argument("--no-locate", dest="locate", action="store_false", help=text)
     group.add_argument("--map", type=Path, metavar="FILE", help="where the scan's map is kept (see --map-cache)")
-    known = "cameras that saw what the scan was trained on, in its coordinates: the map begins with them"
-    group.add_argument(
-        "--cameras", type=Path, metavar="FILE_OR_DIR", help=f"{known} (camera JSON, COLMAP, transforms.json, ...)"
-    )
-    group.add_argument("--views", type=int, metavar="N", help=f"most views of the map ({VIEWS})")
+    known = "cameras that saw what the scan was trained on, in its coordinates: the map begins with them (camera JSON, COLMAP, "
+    beside = "transforms.json, ...); without it those that a training left beside the scan; none: not those either"
+    group.add_argument("--cameras", type=Path, metavar="FILE_OR_DIR", help=known + beside)
+    group.add_argument("--views", type=whole_number, metavar="N", help=f"most views of the map ({VIEWS})")
     where = "where the map is kept without --map: beside the scan (where that can be written) or in the user's cache folder"
     group.add_argument("--map-cache", choices=CACHES, default=CACHES[0], help=f"{where} ({CACHES[0]})")
 
@@ -64,14 +68,36 @@ class MapFlags:
         self.settings = MapSettings(threads=threads) if args.views is None else MapSettings(args.views, threads=threads)
         self.place = MapPlace(args.scene, args.map, args.map_cache == "scan")
         self.place.check()
-        self.known: list[Camera] = [] if args.cameras is None else read_known(args.cameras)
-        if self.known:
-            message(f"The map begins with up to {self.settings.views} of the {len(self.known)} cameras in '{args.cameras}'.")
+        self._args = args
+        if args.cameras is not None and args.cameras != NO_CAMERAS:
+            self.known = read_known(args.cameras)
+            all_of = counted(len(self.known), "camera")
+            message(f"The map begins with up to {self.settings.views} of {all_of} in '{args.cameras}'.")
+
+    @cached_property
+    def known(self) -> list[Camera]:
+        """The cameras that --cameras names or, without it, those that lie beside the scan; read where they are used."""
+        found = cameras_beside(self._args.scene) if self._args.cameras is None else None
+        if found is None:
+            return []
+        message(f"Known cameras read from '{found[0]}' ({len(found[1])}); --cameras none leaves them out.")
+        return found[1]
 
     @property
     def word(self) -> str:
         """What of the flags an answer depends on, as one word."""
         return map_key("", self.settings, self.known)
+
+    def check_writable(self) -> None:
+        """Raises UsageError, before any view is drawn, where no file can be written that would keep the map."""
+        files, reasons = self.place.files(""), []
+        for file in files:
+            try:
+                check_writable(file)
+                return
+            except OSError as error:
+                reasons.append(error.strerror)
+        raise UsageError(f"The map cannot be written to '{files[0]}' ({reasons[0]}); give another file with --map.")
 
     def cache(self, scene: GaussianScene) -> MapCache:
         return MapCache(scene, self.place, self.settings, self.known)
@@ -83,7 +109,7 @@ def whole_map(cache: MapCache) -> LandmarkMap:
         made = LandmarkMap(cache.key)
         for step in steps:
             made = step.map
-            bar.show(step.fraction, f"{step.step}, {len(made)} views")
+            bar.show(step.fraction, f"{step.step}, {counted(len(made), 'view')}")
     return made
 
 
@@ -93,7 +119,7 @@ def find_with_progress(renderer: ViewRenderer, target: PhotoLens, cache: MapCach
 
         def show(progress: FindProgress) -> None:
             refining = f", {progress.refining.step}" if progress.refining else ""
-            bar.show(progress.fraction, f"{progress.step}{refining}, {progress.views} views")
+            bar.show(progress.fraction, f"{progress.step}{refining}, {counted(progress.views, 'view')}")
 
         found = find_camera(renderer, target, steps, settings, show)
         bar.show(1.0, found.verdict)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..geometry.camera import Camera
 from ..pose.report import RefineReport
@@ -26,3 +28,10 @@ class Outcome:
     photos: tuple[Path, ...] = ()
     reports: tuple[RefineReport, ...] = ()
     masks: tuple[Path | None, ...] = ()
+
+
+def has_camera(record: Mapping[str, Any]) -> bool:
+    """Whether the record of a result holds a camera: a photo that was not found has no pose, one that nobody could read perhaps
+    no lens. The outcome of a batch has the cameras of those that do.
+    """
+    return record["R"] is not None and "width" in record

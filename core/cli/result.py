@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..support.atomic import atomic_write
+from ..support.words import counted
 from .console import message, say
 
 
@@ -28,5 +29,5 @@ def put_result(out: Path | None, record: dict[str, Any]) -> None:
 
 def summary(record: dict[str, Any]) -> str:
     """One line for people."""
-    after = f"after {len(record['iterations'])} iterations, {record['seconds']:.1f} s"
+    after = f"after {counted(len(record['iterations']), 'iteration')}, {record['seconds']:.1f} s"
     return f"{record['verdict']} {after}. {' '.join(record['reasons'])}"

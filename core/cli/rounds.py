@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from ..batch.find_one import joined
-from ..batch.keys import BatchQuery
+from ..batch.keys import BatchQuery, Refused
 from ..batch.store import ResultStore
-from ..cameras.unplaced import Unplaced, wanted_to_dict
+from ..cameras.unplaced import wanted_to_dict
+from ..geometry.camera import Camera
 from ..locate import write_map
 from ..pose.report_json import error_to_dict
 from ..pose.settings import RefineSettings
 from ..processes.pool import Pool
 from ..splats import read_splats
 from ..support.scratch import ScratchFolder
+from ..support.words import counted
 from .console import message
 from .maps import MapFlags, whole_map
 from .progress import ProgressBar
@@ -36,7 +38,10 @@ class Rounds:
     def run(self, queries: Sequence[BatchQuery], store: ResultStore) -> None:
         """Puts a record of each query into the store that has none yet."""
         first = {"scene": str(self.scene.resolve()), "settings": {**asdict(self.settings), "threads": 1}}
-        from_start = [i for i, q in enumerate(queries) if i not in store.records and not isinstance(q.camera, Unplaced)]
+        for i, query in enumerate(queries):
+            if isinstance(query.camera, Refused):
+                store.put(i, error_to_dict(query.camera.given, query.camera.sentence))
+        from_start = [i for i, q in enumerate(queries) if i not in store.records and isinstance(q.camera, Camera)]
         said = _Said()
         if from_start:
             work = _Round(queries, store, mark=self.flags is not None)
@@ -45,7 +50,7 @@ class Rounds:
         if to_find and self.flags is not None:
             self._find(self.flags, first, to_find, _Round(queries, store), said)
         if said.dropped:
-            message(f"Left out {said.dropped} Gaussians of the scan whose values are NaN or infinite.")
+            message(f"Left out {counted(said.dropped, 'Gaussian')} of the scan, for a value that is NaN or infinite.")
 
     def _find(self, flags: MapFlags, first: dict[str, Any], to_find: list[int], work: _Round, said: _Said) -> None:
         """Makes sure that there is a map, and hands it to all workers as a file that nobody else writes to."""
@@ -90,11 +95,14 @@ class _Round:
                 self._show(bar)
 
     def _job(self, query: BatchQuery) -> dict[str, Any]:
+        assert not isinstance(query.camera, Refused), "its record is written already"
         mask = str(query.mask) if query.mask else None
         return {"camera": wanted_to_dict(query.camera), "photo": str(query.photo), "mask": mask}
 
     def _lost(self, index: int, words: str) -> dict[str, Any]:
-        return error_to_dict(self.queries[index].camera, f"The worker process ended on this photo ({words}).")
+        camera = self.queries[index].camera
+        assert not isinstance(camera, Refused), "its record is written already"
+        return error_to_dict(camera, f"The worker process ended on this photo ({words}).")
 
     def _final(self, index: int, record: dict[str, Any]) -> dict[str, Any]:
         """The record as it is kept: marked, or joined with the one that was."""
@@ -108,7 +116,9 @@ class _Round:
 
     def _show(self, bar: ProgressBar) -> None:
         done = [record for record in self.store.records.values() if TO_FIND not in record]
-        failed = sum(record["verdict"] == "failed" for record in done)
+        unusable = sum("error" in record for record in done)
+        failed = sum(record["verdict"] == "failed" for record in done) - unusable
         later = len(self.store.records) - len(done)
-        text = f"{len(done)} of {len(self.queries)}, {failed} failed" + (f", {later} to be found" if later else "")
+        more = [f", {number} {what}" for number, what in ((unusable, "not usable"), (later, "to be found")) if number]
+        text = f"{len(done)} of {len(self.queries)}, {failed} failed" + "".join(more)
         bar.show(len(done) / len(self.queries), text)

@@ -91,7 +91,9 @@ def make_frontend(choice: FeatureChoice) -> Frontend:
 
 
 def check_choice(choice: FeatureChoice) -> None:
-    """Raises FeatureError, with what to do, when the choice names something unknown, unavailable or without its model file."""
+    """Raises FeatureError, with what to do, when the choice names something unknown, unavailable or without its model file, or
+    a model file that would be of no use.
+    """
     name = STRONGER if choice.features == AUTO and choice.model else FIRST if choice.features == AUTO else choice.features
     extractor = _look_up(EXTRACTORS, name, "features")
     matcher = _look_up(MATCHERS, choice.matcher, "matcher")
@@ -119,6 +121,12 @@ def _check_kind(kind: ExtractorKind | MatcherKind, model: str) -> None:
     reason = missing(kind)
     if reason:
         raise FeatureError(f"{kind.title} cannot be used: {reason}; choose other features.")
+    if model and not kind.needs_model:
+        others = "features" if isinstance(kind, ExtractorKind) else "a matcher"
+        raise FeatureError(
+            f"{kind.title} needs no model file, and '{Path(model).name}' is given; choose {others} of that model, or leave it "
+            "out."
+        )
     if kind.needs_model and not model:
         raise FeatureError(f"{kind.title} needs a model file (.onnx) and none is given; name one, or choose features without.")
     if kind.needs_model and not Path(model).is_file():

@@ -207,15 +207,13 @@ class Pose:
 class Camera:
     """A posed camera and the image file it belongs to (empty when there is none).
 
-    `focal_guessed`: the focal length is a guess (from EXIF, or by eye), not a calibration. `focal_std`: the standard deviation
-    of that guess as a share of the focal length, where its source says one; None otherwise.
+    `focal_guessed`: the focal length is a guess (from EXIF, or by eye), not a calibration.
     """
 
     intrinsics: Intrinsics
     pose: Pose
     file: str = ""
     focal_guessed: bool = False
-    focal_std: float | None = None
 
 
 def rotation_angle_deg(R: ArrayLike) -> float:

@@ -88,10 +88,12 @@ class Similarity:
         if m.shape != (4, 4) or not np.isfinite(m).all():
             raise CameraError("The splat object's matrix is not a finite 4x4 matrix; clear its transform and place it again.")
         linear = m[:3, :3]
+        if np.linalg.norm(linear, axis=0).min() <= 0:
+            raise CameraError("The splat object has a scale of zero; give it the same scale above zero in x, y and z.")
         if np.linalg.det(linear) < 0:
             raise CameraError("The splat object is mirrored (negative scale); make its scale positive in all axes.")
         u, s, vt = np.linalg.svd(linear)
-        if s[0] <= 0 or s[2] < s[0] * (1 - SIMILARITY_TOLERANCE):
+        if s[2] < s[0] * (1 - SIMILARITY_TOLERANCE):
             sizes = ", ".join(f"{x:.4g}" for x in np.linalg.norm(linear, axis=0))
             raise CameraError(f"The splat object is scaled unevenly ({sizes}); give it the same scale in x, y and z.")
         return cls(float(np.cbrt(s.prod())), u @ vt, m[:3, 3].copy())
@@ -132,13 +134,13 @@ def pose_from_blender(camera_to_scene: ArrayLike, splat: Similarity) -> Pose:
     """
     m = np.asarray(camera_to_scene, np.float64)
     lengths = np.linalg.norm(m[:3, :3], axis=0)
-    if not np.isfinite(m).all() or lengths.min() <= 0:
-        raise CameraError("The camera's matrix is not finite or has a scale of zero; clear the camera's scale.")
+    if not np.isfinite(m).all():
+        raise CameraError("The camera's place is no finite number; clear its transform and its parent's, and place it again.")
+    if lengths.min() <= 0:
+        raise CameraError("The camera or its parent has a scale of zero; give both a scale above zero.")
     axes = m[:3, :3] / lengths
     if np.abs(axes.T @ axes - np.eye(3)).max() > SIMILARITY_TOLERANCE or np.linalg.det(axes) < 0:
-        raise CameraError(
-            "The camera is sheared or mirrored by its parent's scale; clear the parent's uneven or negative scale."
-        )
+        raise CameraError("The camera is sheared or mirrored by its parent; clear the parent's uneven or negative scale.")
     rotation = (splat.rotation.T @ axes @ FLIP_YZ).T
     return Pose.from_centre(rotation, splat.to_file(m[:3, 3]))
 

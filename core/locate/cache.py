@@ -83,6 +83,7 @@ class MapCache:
         self._scan_key = map_key(scan_digest(scene), base)
         self.key = f"{self._scan_key}.{map_key('', base, known)[:KNOWN_DIGITS] if known else ''}"
         self.files = place.files(self._scan_key)
+        self._told = False  # that it cannot be written
 
     def read(self) -> LandmarkMap:
         """The stored map, with no more views than the settings ask for; `complete` where none are left to be made. Empty
@@ -93,7 +94,7 @@ class MapCache:
             return LandmarkMap(self.key)
         stored = best[1]
         views = stored.views[: self._settings.views]
-        return LandmarkMap(stored.key, views, stored.complete or len(views) == self._settings.views)
+        return LandmarkMap(stored.key, views, stored.complete or len(views) == self._settings.views, stored.search)
 
     def steps(self) -> Iterator[MapStep]:
         """The map in steps, as of `build_map`: stored views first, then new ones, which are stored too.
@@ -128,20 +129,23 @@ class MapCache:
                 log.info("the map cannot be written to '%s' (%s)", file, error.strerror or error)
                 continue
             return file
-        log.warning("The map cannot be written to '%s'; it is made again the next time.", self.files[0])
+        if not self._told:  # A map that grows is written several times.
+            log.warning("The map cannot be written to '%s'; it is made again the next time.", self.files[0])
+        self._told = True
         return None
 
     def _made(self, kept: LandmarkMap) -> Iterator[MapStep]:
-        """Makes what the map lacks. The same seed gives the same views, so that those that are stored are passed over."""
+        """Makes what the map lacks, from where its making stopped."""
         wanted, last = self._settings.views, kept
-        skip = len(kept) if kept.key == self.key else 0
-        work = build_map(self._scene, self._settings, self._known, self.key)
+        own = kept.key == self.key
+        skip = len(kept) if own else 0
+        work = build_map(self._scene, self._settings, self._known, self.key, kept if own else None)
         try:
             with closing(work) as steps:  # type: ignore[type-var]
                 for step in steps:
                     views = (*kept.views, *step.map.views[skip:])[:wanted]
                     full = len(views) == wanted
-                    made = LandmarkMap(kept.key, views, step.map.complete or full)
+                    made = LandmarkMap(kept.key, views, step.map.complete or full, step.map.search if own else None)
                     # What is stored as complete has no more views to give, however many are asked for.
                     if len(views) > len(last) or step.map.complete:
                         due = len(views) // SAVE_EVERY > len(last) // SAVE_EVERY

@@ -17,9 +17,11 @@ from ..geometry.camera import Camera, Pose
 from ..splats.scene import GaussianScene
 from ..support.atomic import atomic_write
 from .landmarks import LandmarkMap, MapView
+from .search_file import NAMES as SEARCH_COLUMNS
+from .search_file import search_arrays, search_of
 from .settings import MapSettings
 
-VERSION = 1  # of the file and of how maps are made; a map of another version is made again
+VERSION = 2  # of the file and of how maps are made; a map of another version is made again
 FORMAT = "gssmc-map"
 DIGEST_BYTES = 16
 COLUMNS = ("R", "t", "depth", "known", "counts", "points", "descriptors")
@@ -66,7 +68,9 @@ def write_map(path: str | Path, made: LandmarkMap) -> None:
         "points": np.concatenate([np.zeros((0, 3), np.float32), *(v.points for v in views)]),
         "descriptors": np.concatenate([np.zeros((0, width), np.uint8), *(v.descriptors for v in views)]),
     }
-    head = {"format": FORMAT, "version": VERSION, "key": made.key, "complete": made.complete}
+    search, columns = search_arrays(made.search)
+    arrays |= columns
+    head = {"format": FORMAT, "version": VERSION, "key": made.key, "complete": made.complete, "search": search}
     with atomic_write(path, "wb") as file:
         np.savez(file, head=np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays)
 
@@ -77,17 +81,19 @@ def read_map(path: str | Path, key: str) -> LandmarkMap:
     try:
         with np.load(path, allow_pickle=False) as file:
             head = json.loads(file["head"].tobytes())
-            arrays = {name: file[name] for name in COLUMNS} if _is_ours(head, key) else {}
+            ours = _is_ours(head, key)
+            arrays = {name: file[name] for name in COLUMNS} if ours else {}
+            more = {name: file[name] for name in SEARCH_COLUMNS if name in file.files} if ours else {}
     except READ_ERRORS as error:
-        what = type(error).__name__
-        raise MapFileError(f"The map '{path.name}' cannot be read ({what}); it has to be made again.") from error
+        what = f"cannot be read ({error.strerror})" if isinstance(error, OSError) and error.strerror else "is damaged"
+        raise MapFileError(f"The map '{path.name}' {what}; it has to be made again.") from error
     if not arrays:
         raise MapFileError(f"The map '{path.name}' belongs to another scan, other settings or another version; make it again.")
     try:
-        views = _views(arrays)
-    except (CameraError, ValueError) as error:
-        raise MapFileError(f"The map '{path.name}' holds impossible values ({error}); it has to be made again.") from error
-    return LandmarkMap(key, views, bool(head.get("complete")))
+        views, search = _views(arrays), search_of(head.get("search"), more)
+    except (CameraError, ValueError, TypeError, KeyError) as error:
+        raise MapFileError(f"The map '{path.name}' holds impossible values; it has to be made again.") from error
+    return LandmarkMap(key, views, bool(head.get("complete")), search)
 
 
 def _is_ours(head: Any, key: str) -> bool:

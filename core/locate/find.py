@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..geometry.camera import Camera
 from ..pose.refine import iterate_refinement
 from ..pose.report import RefineProgress, RefineReport, Verdict
 from ..pose.settings import RefineSettings
+from ..pose.verdict.sentences import without_start
 from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
 from .build import MapStep
@@ -21,6 +22,9 @@ from .hypotheses import Hypothesis
 from .landmarks import LandmarkMap
 from .locate import FIRST_STAGE, Locator, PhotoLens
 
+RIVALS = (
+    "The photo fits other places of the scan as well, which look the same; look whether the camera stands at the right one."
+)
 REFINEMENTS = 4  # of one photo at most: each costs as much as the rest together
 RANK: dict[Verdict, int] = {"trusted": 2, "check": 1, "failed": 0}
 
@@ -131,6 +135,8 @@ class _Job:
             start = located.camera(one, self._target.photo.file)
             work = iterate_refinement(self._renderer, self._target.photo, start, self._settings)
             report = yield from converted(work, lambda p: FindProgress("refining", 0.5 + 0.5 * p.fraction, len(landmarks), p))
+            if report.verdict != "failed" and self.locator.rivals(one):
+                report = replace(report, verdict="check", reasons=(RIVALS, *report.reasons))
             self._keep(report, one)
 
     def _settled(self, one: Hypothesis) -> bool:
@@ -147,6 +153,7 @@ class _Job:
         if self._best is None:
             return FindReport(None, "failed", (self.locator.located().reason,), None, None, views, seconds)
         found, start = self._best
+        found = replace(found, reasons=tuple(without_start(reason) for reason in found.reasons))
         camera = None if found.verdict == "failed" else found.camera
         return FindReport(camera, found.verdict, found.reasons, start, found, views, seconds)
 

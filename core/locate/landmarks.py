@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..features.types import Features
 from ..geometry.camera import Pose
+from .viewpoints.explore import Exploration
 from .viewpoints.eye import RenderedFeatures
 
 DESCRIPTOR_SCALE = 512.0  # RootSIFT's components are below a half but for degenerate patches; 8 bits lose no match
@@ -48,11 +49,13 @@ class LandmarkMap:
     """The views in the order in which they were made: every prefix is a map too, which finds fewer photos.
 
     `key` names the scan and the settings that it was made from (see `file.map_key`); `complete`: made to its end.
+    `search`: where the choice of its views stands, None before it has begun.
     """
 
     key: str
     views: tuple[MapView, ...] = ()
     complete: bool = False
+    search: Exploration | None = None
 
     def __len__(self) -> int:
         return len(self.views)

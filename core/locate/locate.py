@@ -12,6 +12,7 @@ from ..photos.lens_guess import guess_lens
 from ..photos.photo import Photo
 from ..pose.search.observe import PhotoFeatures, extract_photo_features
 from ..render.view import ViewRenderer
+from ..support.words import counted
 from .check import checked
 from .hypotheses import MIN_INLIERS, Hypothesis
 from .landmarks import LandmarkMap, MapView
@@ -23,6 +24,7 @@ MIN_FEATURES = 30
 FIRST_STAGE = 10  # views of the map that are tried first; then twice as many, and so on
 CHECKS_A_STAGE, WEAK_CHECKS = 4, 4  # renders at hypotheses: at most, in a stage; of weak ones, for a photo
 WEAK_INLIERS = 25
+RIVAL = 0.5  # of the score of a photo's hypothesis, from which that of another place is as good
 BETTER = 1.5  # times the score of an earlier hypothesis of the same place, from which that is looked at again
 
 
@@ -103,6 +105,21 @@ class Locator:
                 break
         return new
 
+    def rivals(self, winner: Hypothesis) -> list[Hypothesis]:
+        """Other places that the photo fits about as well as the confirmed `winner`'s, the best first; among equal doors there
+        are many. Only what the map shows so far can be told.
+        """
+        found = []
+        checks = CHECKS_A_STAGE
+        for one in self._search.hypotheses(all_seeds=True):
+            if checks == 0 or one.same_as(winner) or one.score < RIVAL * winner.score:
+                continue
+            checks -= 1
+            other = checked(self._renderer, self.query, one, self._frontend)
+            if other is not None and not other.same_as(winner) and other.score >= RIVAL * winner.score:
+                found.append(other)
+        return found
+
     def located(self) -> Located:
         """All that was confirmed so far, the best first."""
         found = tuple(sorted((found for _, found in self._confirmed), key=lambda h: -h.score))
@@ -114,15 +131,17 @@ class Locator:
         return any(one.same_as(other) and one.score < BETTER * other.score for other in earlier)
 
     def _reason(self) -> str:
+        features = counted(len(self.query.features), "feature")
         if self.blind:
-            return f"The photo shows only {len(self.query.features)} features; it is too dark, blurred or plain to be placed."
+            return f"The photo shows only {features}; it is too dark, blurred or plain to be placed."
         if self.views == 0:
             return "The map of the scan has no views, for the scan shows nothing to be found by; place the camera by hand."
         best = max((h.inliers for h in self._refused), default=0)
         agree = f"at most {best}" if best else f"fewer than {MIN_INLIERS}"
         return (
-            f"No place in the scan matches the photo: {agree} of its {len(self.query.features)} features agree on one, over "
-            f"{self.views} views of the map; it may show another place, so try more views or place the camera by hand."
+            f"No place in the scan matches the photo: {agree} of its {features} agree on one, over "
+            f"{counted(self.views, 'view')} of the map; it may show another place, so try more views or place the camera by "
+            "hand."
         )
 
 

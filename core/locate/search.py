@@ -38,8 +38,8 @@ class Search:
         """Pairs the photo with more views of the map."""
         self._pairs += [pair_view(self.query.features, view, self._matcher) for view in views]
 
-    def hypotheses(self) -> list[Hypothesis]:
-        """The hypotheses from all views so far, the best first; ends early at one that is clear."""
+    def hypotheses(self, all_seeds: bool = False) -> list[Hypothesis]:
+        """The hypotheses from all views so far, the best first; unless `all_seeds`, the search ends at one that is clear."""
         pool = Pairs.joined(self._pairs)
         order = np.argsort([-len(pairs) for pairs in self._pairs], kind="stable")
         found: list[Hypothesis] = []
@@ -50,6 +50,6 @@ class Search:
             grown = None if start is None else grown_pose(self.query, pool, *start, self.guessed)
             if grown is not None:
                 found.append(grown)
-                if grown.clear:
+                if grown.clear and not all_seeds:
                     break
         return merged(found)

@@ -15,7 +15,7 @@ from ..geometry.camera import Intrinsics
 from . import jpeg
 from .exif import Exif, read_exif
 from .sensors import focal_35mm_of
-from .size import EXR_SIGNATURE, check_pixels, picture_size, reduction
+from .size import EXR_SIGNATURE, check_photo_size, check_pixels, picture_size, reduction
 
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
@@ -193,7 +193,10 @@ def _decode(data: bytes, path: Path) -> tuple[NDArray[Any], int, tuple[int, int]
         raw = None
     if raw is None or raw.size == 0:
         raise PhotoError(f"The photo '{path.name}' cannot be decoded; save it as JPEG, PNG, TIFF or WebP.")
-    return np.asarray(raw), factor, size or (raw.shape[1], raw.shape[0])
+    if size is None:
+        size = raw.shape[1], raw.shape[0]
+        check_photo_size(size, path.name)
+    return np.asarray(raw), factor, size
 
 
 def _turn(raw: NDArray[Any], orientation: int) -> NDArray[Any]:

@@ -11,19 +11,34 @@ EXR_SIGNATURE = b"\x76\x2f\x31\x01"
 MAX_PIXELS = 32 << 20
 # A photo with more pixels is refused.
 LARGEST_PIXELS = 400_000_000
+# So is one whose long side is more times its short one; the widest panoramas have about 30.
+LARGEST_ASPECT = 100
 FACTORS = (2, 4, 8)
 FRAME_MARKERS = (0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 
 
 def check_pixels(data: bytes, name: str) -> tuple[int, int] | None:
-    """(width, height) as stored, None where the header can't be read. Raises PhotoError when that is too large for a photo."""
+    """(width, height) as stored, None where the header can't be read. Raises PhotoError when no photo has that size."""
     size = picture_size(data)
-    if size and size[0] * size[1] > LARGEST_PIXELS:
-        raise PhotoError(
-            f"The photo '{name}' says that it has {size[0]} x {size[1]} pixels; "
-            f"at most {LARGEST_PIXELS // 1_000_000} megapixels can be read, so save a smaller copy."
-        )
+    if size:
+        check_photo_size(size, name)
     return size
+
+
+def check_photo_size(size: tuple[int, int], name: str) -> None:
+    """Raises PhotoError when no photo has so many pixels (width, height), or such a shape."""
+    problem = size_problem(*size)
+    if problem:
+        raise PhotoError(f"The photo '{name}' says that it has {size[0]} x {size[1]} pixels; {problem}, so save another copy.")
+
+
+def size_problem(width: int, height: int) -> str:
+    """What keeps a picture of that size, both sides above 0, from being a photo, as the end of a sentence; "" when nothing."""
+    if width * height > LARGEST_PIXELS:
+        return f"at most {LARGEST_PIXELS // 1_000_000} megapixels can be read"
+    if max(width, height) > LARGEST_ASPECT * min(width, height):
+        return f"the long side may be at most {LARGEST_ASPECT} times the short one"
+    return ""
 
 
 def reduction(size: tuple[int, int]) -> int:

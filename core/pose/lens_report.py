@@ -42,7 +42,7 @@ def lens_evidence(solution: FittedCamera, guess: Intrinsics) -> LensEvidence | N
     """
     if solution.information is None or len(solution.solved) < len(LENS_NUMBERS) or solution.prior.calibrated:
         return None
-    return LensEvidence(solution.information, guess)
+    return LensEvidence(solution.information, guess, float(solution.prior.std[0]))
 
 
 def lens_sentence(numbers: Sequence[LensNumber], photo: Intrinsics) -> str:

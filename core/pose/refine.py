@@ -11,10 +11,11 @@ from functools import partial
 import numpy as np
 
 from ..features.frontend import Frontend, make_frontend
-from ..geometry.camera import Camera, Intrinsics
+from ..geometry.camera import Camera, Intrinsics, Pose
 from ..photos.photo import Photo
 from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
+from ..support.words import counted
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
 from .lens_report import lens_evidence, lens_numbers, lens_sentence
@@ -25,16 +26,34 @@ from .settings import RefineSettings
 from .shared.lens import CameraUnknowns, LensPrior
 from .shared.working import WorkingPhoto
 from .verdict import sentences
-from .verdict.verdict import LoopMatches, assess, assess_start, fits_better, judge
+from .verdict.verdict import (
+    Apart,
+    LoopMatches,
+    assess,
+    assess_start,
+    fits_better,
+    is_unsettled,
+    judge,
+    sits_well,
+)
 from .verdict.verify import FinalView, view_at
 
 log = logging.getLogger(__name__)
 
 Progress = Generator[RefineProgress, None, "RefineReport"]
+# What a run adds to, and draws from: the records of all iterations, and random numbers.
+_Work = tuple[list[IterationRecord], np.random.Generator]
 
 MIN_PHOTO_FEATURES = 30
 # The start is kept where the refined camera agrees with fewer of the photo's corners by more than this share.
 WORSE_AGREEMENT = 0.05
+# Most further runs where a doubt is left, and the share of the progress that is done by then.
+MORE_TRIES = 2
+DONE = 0.97
+# Most iterations of a further run: one from the wide fan, one that settles, one more.
+TRY_ITERATIONS = 3
+# From the worst to the best.
+VERDICTS: tuple[Verdict, ...] = ("failed", "check", "trusted")
 
 
 def refine(
@@ -69,17 +88,36 @@ def _refine_with(
     if len(features) < MIN_PHOTO_FEATURES:
         loop, features = loop.stronger(features, 0, 1)
     if len(features) < MIN_PHOTO_FEATURES:
-        reason = f"The photo shows only {len(features)} features; it is too dark, blurred or plain to be placed."
+        reason = f"The photo shows only {counted(len(features), 'feature')}; it is too dark, blurred or plain to be placed."
         return refinement.report(None, _Judgement("failed", (reason,)), records, began)
     rng = np.random.default_rng(settings.seed)
-    result = yield from loop.run(features, camera.pose, records, rng)
-    answer = result.answer
-    if answer is None:
-        return refinement.report(None, _Judgement("failed", (result.problem,), result.details), records, began)
-    solution, agreement = yield from refinement.finish(features, answer, len(records), rng)
-    judgement = refinement.judge(answer, solution, agreement, result)
-    refined = refinement.full_size(solution.camera) if judgement.is_of("refined") else None
+    tried = yield from refinement.tried(loop, features, camera.pose, (records, rng))
+    tried = yield from refinement.tried_again(loop, features, tried, (records, rng))
+    judgement, solution = tried.judgement, tried.solution
+    refined = refinement.full_size(solution.camera) if solution and judgement.is_of("refined") else None
     return refinement.report(refined, judgement, records, began, None if judgement.is_of("start") else solution)
+
+
+def _later(progress: RefineProgress, done: float) -> RefineProgress:
+    """The progress of a further run, which begins when `done` (0..1) of the whole is."""
+    return replace(progress, fraction=done + (1 - DONE) / MORE_TRIES * progress.fraction)
+
+
+def _better(best: _Try, other: _Try) -> tuple[_Try, bool]:
+    """The better of two runs, with what the other one came to among its details, and whether both found the same camera."""
+    winner, loser = (other, best) if other.merit > best.merit else (best, other)
+    judgement, quality, beaten = winner.judgement, winner.judgement.quality, loser.judgement.quality
+    if quality is None or beaten is None:
+        note, same = sentences.tried_in_vain(), False
+    else:
+        apart = Apart.of(quality, beaten)
+        note, same = sentences.tried_again(apart.distance_pct, apart.degrees, apart.is_same), apart.is_same
+        if not same and judgement.verdict != "failed" and sits_well(beaten):
+            reasons = tuple(r for r in judgement.reasons if judgement.verdict == "check")
+            judgement = replace(
+                judgement, verdict="check", reasons=(sentences.two_places(apart.distance_pct, apart.degrees), *reasons)
+            )
+    return replace(winner, judgement=replace(judgement, details=(*judgement.details, note))), same
 
 
 def solves_lens(settings: RefineSettings, camera: Camera) -> bool:
@@ -102,6 +140,21 @@ class _Judgement:
 
 
 @dataclass(frozen=True)
+class _Try:
+    """One run of loop and last stage: the verdict on what it found, that itself, and what the loop came to."""
+
+    judgement: _Judgement
+    solution: FittedCamera | None
+    loop: LoopResult
+
+    @property
+    def merit(self) -> tuple[int, int]:
+        """Greater for the better of two: by the verdict, then by how much of the photo the render sits on."""
+        quality = self.judgement.quality
+        return VERDICTS.index(self.judgement.verdict), quality.region_corners if quality else 0
+
+
+@dataclass(frozen=True)
 class _Refinement:
     """One refinement's inputs, and what is made of them after the loop: last stage, verdict and report."""
 
@@ -114,6 +167,48 @@ class _Refinement:
     def solves_lens(self) -> bool:
         return solves_lens(self.settings, self.start)
 
+    @property
+    def prior(self) -> LensPrior:
+        return LensPrior.of(self.start, self.photo.focal_35mm)
+
+    def tried(
+        self, loop: Loop, photo: PhotoFeatures, start: Pose, work: _Work, first: LoopResult | None = None
+    ) -> Generator[RefineProgress, None, _Try]:
+        """One run from `start`; `first`: what the run from the start camera came to, where this is another one."""
+        records, rng = work
+        result = yield from loop.run(photo, start, records, rng)
+        answer = result.answer
+        if answer is None:
+            return _Try(_Judgement("failed", (result.problem,), result.details), None, result)
+        solution, final = yield from self.finish(photo, answer, len(records), rng)
+        return _Try(self.judge(answer, solution, final, first or result), solution, result)
+
+    def tried_again(self, loop: Loop, photo: PhotoFeatures, first: _Try, work: _Work) -> Generator[RefineProgress, None, _Try]:
+        """`first`, or, where more views may settle the doubts about it, the better of it and of further runs, each from a wide
+        fan of other views. They end where a run comes to the same camera again, or leaves no doubt.
+        """
+        best = first
+        few = replace(self.settings, iterations=min(self.settings.iterations, TRY_ITERATIONS))
+        for number, start in enumerate(self._other_starts(first)):
+            done = DONE + (1 - DONE) * number / MORE_TRIES
+            again = self.tried(replace(loop, settings=few, wide=True), photo, start, work, first.loop)
+            other = yield from converted(again, partial(_later, done=done))
+            best, same = _better(best, other)
+            if same or not is_unsettled(best.judgement.verdict, best.judgement.quality):
+                break
+        return best
+
+    def _other_starts(self, first: _Try) -> list[Pose]:
+        """Where further runs begin: at the camera that was found, if the lens is known and the camera may be right, and at the
+        start camera.
+        """
+        quality = first.judgement.quality
+        if not self.settings.has_final_stage or not is_unsettled(first.judgement.verdict, quality):
+            return []
+        known = not self.solves_lens and first.judgement.is_of("refined") and first.solution is not None
+        found = [first.solution.camera.pose] if known and first.solution else []
+        return [*found, self.start.pose][:MORE_TRIES]
+
     def finish(
         self, photo: PhotoFeatures, answer: Answer, iterations: int, rng: np.random.Generator
     ) -> Generator[RefineProgress, None, tuple[FittedCamera, FinalView]]:
@@ -122,10 +217,9 @@ class _Refinement:
         solution: FittedCamera | None = None
         if self.settings.has_final_stage:
             solution = yield from self._final(answer, iterations, rng)
-        yield RefineProgress(iterations, self.settings.iterations, "checking the answer", 0.97)
+        yield RefineProgress(iterations, self.settings.iterations, "checking the answer", DONE)
         if solution is None:
-            prior = LensPrior.of(self.start)
-            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, prior)
+            loop = from_epipolar(answer.fit, answer.views, answer.intrinsics, answer.median_depth, self.prior)
             return loop, view_at(self.renderer, image, loop.camera.pose)
         lens = solution.camera.intrinsics.resized(image.intrinsics.width, image.intrinsics.height)
         return solution, view_at(self.renderer, image.with_intrinsics(lens), solution.camera.pose)
@@ -136,14 +230,13 @@ class _Refinement:
         photo = WorkingPhoto.of(self.photo, self.start.intrinsics, self.settings.final_long_side_px)
         size = (photo.intrinsics.width, photo.intrinsics.height)
         start = CameraUnknowns(answer.fit.pose, answer.intrinsics.resized(*size))
-        prior = LensPrior.of(self.start).resized(*size)
-        work = FinalStage.of(self.renderer, self.settings, prior).run(photo, start, rng)
+        work = FinalStage.of(self.renderer, self.settings, self.prior.resized(*size)).run(photo, start, rng)
         fraction = LOOP_SHARE
 
         def progress(step: str) -> RefineProgress:
             nonlocal fraction
             # The number of passes is not known beforehand, so that each step takes a share of what is left.
-            fraction += 0.05 * (0.97 - fraction)
+            fraction += 0.05 * (DONE - fraction)
             return RefineProgress(iterations, self.settings.iterations, step, fraction)
 
         return (yield from converted(work, progress))
@@ -154,7 +247,7 @@ class _Refinement:
         if not self.solves_lens:
             return replace(self.start, pose=camera.pose)
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
-        return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False, focal_std=None)
+        return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
 
     def judge(self, answer: Answer, solution: FittedCamera, final: FinalView, loop: LoopResult) -> _Judgement:
         """The verdict, with the evidence of the pose that is returned, or of the one that is not and why."""

@@ -58,11 +58,13 @@ class LensNumber:
 @dataclass(frozen=True, eq=False)
 class LensEvidence:
     """What a photo's matches know, for `shared_lens.share_lens`: `information` (15, 15) by xi (scene units, radians) and the
-    numbers of `lens.NAMES`, at the photo's own solution; `guess`: the lens that its prior was about, at the photo's full size.
+    numbers of `lens.NAMES`, at the photo's own solution; `guess`: the lens that its prior was about, at the photo's full size;
+    `focal_std`: the deviation of that prior's focal length, as a share of it.
     """
 
     information: FloatArray
     guess: Intrinsics
+    focal_std: float = 0.3
 
 
 EvidenceOf = Literal["refined", "start", "rejected"]
@@ -86,11 +88,13 @@ class PoseQuality:
     fewer than four views); translation_std_pct, rotation_std_deg, focal_std_pct: standard deviations, from the fit's covariance
     which knows what the splat's own errors (`joint.SHARED_ERROR`) and a lens that was not solved for may add; lens_log_odds: by
     how much another lens makes the matches likelier (`lens_doubt`, a natural logarithm), lens_shift_pct, lens_shift_deg: how
-    far that lens would move the camera; corners: the photo's corners over the splat that
-    were looked at; agreement:
-    share of them (0..1) that sit on the final render; offset_px_of_photo: median distance of those that could be followed;
-    similarity: correlation (-1..1) of photo and render, free of exposure. A start that was kept took no part in a fit: only
-    the last four are known of it.
+    far that lens would move the camera; corners: the photo's corners over the splat that were looked at; agreement: share of
+    them (0..1) that sit on the final render; offset_px_of_photo: median distance of those that could be followed;
+    similarity: correlation (-1..1) of photo and render, free of exposure. Of the part of the photo in which the render sits:
+    region_corners: corners that stay in place there; region_share: (0..1) of all corners there; region_expected: how many would
+    by chance; region_area: share (0..1) of the photo within their hull; region_offset_px_of_photo: their median displacement;
+    unrivalled: share (0..1) of patches there that the render shows nowhere around better than in their place. A start that was
+    kept took no part in a fit: only what follows lens_shift_deg here is known of it.
     """
 
     of: EvidenceOf
@@ -113,6 +117,12 @@ class PoseQuality:
     lens_log_odds: float = NAN
     lens_shift_pct: float = 0.0
     lens_shift_deg: float = 0.0
+    region_corners: int = 0
+    region_share: float = 0.0
+    region_expected: float = 0.0
+    region_area: float = 0.0
+    region_offset_px_of_photo: float = NAN
+    unrivalled: float = NAN
 
 
 @dataclass(frozen=True)

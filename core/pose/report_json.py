@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..cameras.files import camera_to_dict
+from ..cameras.files import StartCamera, camera_to_dict
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics, Pose
@@ -37,15 +37,15 @@ def report_to_dict(report: RefineReport) -> dict[str, Any]:
     }
 
 
-def error_to_dict(start: Camera | Unplaced, sentence: str) -> dict[str, Any]:
+def error_to_dict(start: Camera | StartCamera | Unplaced, sentence: str) -> dict[str, Any]:
     """The record of a photo that could not be tried at all: the start camera, "failed", and the sentence."""
     return {**failed_to_dict(start, sentence), "error": sentence}
 
 
-def failed_to_dict(start: Camera | Unplaced, sentence: str) -> dict[str, Any]:
+def failed_to_dict(start: Camera | StartCamera | Unplaced, sentence: str) -> dict[str, Any]:
     """The record of a photo for which no pose was found: the start camera, without a pose where it had none."""
     verdict = {"verdict": "failed", "reasons": [sentence], "details": [], "iterations": [], "seconds": 0.0, "quality": None}
-    return {**wanted_to_dict(start), **verdict, "start": pose_to_dict(start.pose) if isinstance(start, Camera) else None}
+    return {**wanted_to_dict(start), **verdict, "start": None if isinstance(start, Unplaced) else pose_to_dict(start.pose)}
 
 
 def pose_to_dict(pose: Pose) -> dict[str, Any]:
@@ -84,20 +84,26 @@ def _evidence(known: LensEvidence) -> dict[str, Any]:
     """What is known of the lens: the upper triangle of the information, row by row, and the guess as a list of numbers."""
     k = known.guess
     rows = known.information[np.triu_indices(len(known.information))]
-    return {"information": rows.tolist(), "guess": [k.width, k.height, k.fx, k.fy, k.cx, k.cy, *k.dist]}
+    return {
+        "information": rows.tolist(),
+        "guess": [k.width, k.height, k.fx, k.fy, k.cx, k.cy, *k.dist],
+        "focal_std": known.focal_std,
+    }
 
 
 def evidence_from_dict(data: Any) -> LensEvidence | None:
     """The evidence that a record holds; None where it holds none that can be used."""
     try:
         rows, guess = np.array(data["information"], np.float64), [float(number) for number in data["guess"]]
+        focal_std = float(data["focal_std"])
         information = np.zeros((LENS_UNKNOWNS, LENS_UNKNOWNS))
         information[np.triu_indices(LENS_UNKNOWNS)] = rows
         width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3 = guess
         k = Intrinsics(int(width), int(height), fx, fy, cx, cy, (k1, k2, p1, p2, k3))
     except (TypeError, KeyError, ValueError, IndexError, CameraError):
         return None
-    return LensEvidence(information + np.triu(information, 1).T, k) if np.isfinite(information).all() else None
+    usable = np.isfinite(information).all() and focal_std > 0
+    return LensEvidence(information + np.triu(information, 1).T, k, focal_std) if usable else None
 
 
 def _value(value: Any) -> Any:

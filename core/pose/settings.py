@@ -20,10 +20,10 @@ FINALS = {
     "none": Choice("None", "the loop's own answer"),
 }
 LENSES = {
-    "auto": Choice("Auto", "the focal length where the camera's is a guess, else nothing"),
+    "auto": Choice("Auto", "all of the lens where its focal length is a guess, else nothing"),
     "fixed": Choice("Fixed", "nothing"),
     "focal": Choice("Focal", "the focal length"),
-    "full": Choice("Full", "focal length, principal point, k1 and k2"),
+    "full": Choice("Full", "focal length, principal point and distortion"),
 }
 FEATURES = {
     **{name: Choice(kind.title, kind.text) for name, kind in EXTRACTORS.items()},

@@ -58,7 +58,7 @@ def share_lens(cameras: Sequence[Camera], evidence: Sequence[LensEvidence]) -> S
     if not cameras:
         return None
     reference, says = cameras[0].intrinsics, _Statements.of(cameras, evidence)
-    prior = np.diag(GUESS_STD**-2.0)
+    prior = _prior(evidence[0])
     centre = prior @ lens_difference(evidence[0].guess, reference)
     members = np.arange(len(cameras))
     while len(members) >= MIN_PHOTOS:
@@ -70,6 +70,13 @@ def share_lens(cameras: Sequence[Camera], evidence: Sequence[LensEvidence]) -> S
             return _shared(members.tolist(), cameras, evidence, lens, np.linalg.inv(S))
         members = np.delete(members, worst)
     return None
+
+
+def _prior(known: LensEvidence) -> FloatArray:
+    """Inverse covariance (9, 9) of the prior that a photo's solution was found with."""
+    std = GUESS_STD.copy()
+    std[0] = known.focal_std
+    return np.diag(std**-2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +97,7 @@ class _Statements:
         own = np.stack([lens_difference(camera.intrinsics, reference) for camera in cameras])
         # A photo's own answer balances its matches and its prior, so that the gradient of the matches is minus the prior's.
         pairs = zip(cameras, evidence, strict=True)
-        pull = np.stack([lens_difference(camera.intrinsics, known.guess) / GUESS_STD**2 for camera, known in pairs])
+        pull = np.stack([_prior(known) @ lens_difference(camera.intrinsics, known.guess) for camera, known in pairs])
         return cls(A, np.einsum("nij,nj->ni", A, own) + pull, np.linalg.pinv(A, hermitian=True))
 
     def distances(self, members: IndexArray, S: FloatArray, b: FloatArray) -> FloatArray:

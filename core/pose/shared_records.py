@@ -38,6 +38,7 @@ class PhotoSolution:
     quality: PoseQuality
     verdict: Verdict
     reasons: tuple[str, ...]
+    details: tuple[str, ...]
     lens: tuple[LensNumber, ...]
 
     @classmethod
@@ -48,17 +49,27 @@ class PhotoSolution:
             return None
         try:
             quality, lens = quality_from_dict(record["quality"]), lens_from_dict(record["lens"])
-            return cls(camera_from_dict(record), known, quality, record["verdict"], tuple(record["reasons"]), lens)
+            words = tuple(record["reasons"]), tuple(record["details"])
+            return cls(camera_from_dict(record), known, quality, record["verdict"], *words, lens)
         except (CameraError, LookupError, TypeError, ValueError):
             return None
 
     def judged(self, quality: PoseQuality) -> tuple[Verdict, list[str]]:
-        """The verdict on the evidence `quality` and its reasons. What else made the photo's own verdict, or was said, stays."""
+        """The verdict on the evidence `quality` and its reasons. What else spoke against the photo, or was said, stays."""
         verdict, reasons = judge(self.quality)
-        others = (*reasons, lens_sentence(self.lens, self.camera.intrinsics))
+        by_evidence = [*reasons, lens_sentence(self.lens, self.camera.intrinsics)]
+        known = [reason in by_evidence for reason in self.reasons]
+        first = known.index(True) if True in known else len(known)
+        # What comes before the evidence's own reasons made the verdict: the photo fits another place as well, say.
+        before, others = self.reasons[:first], [r for r, is_known in zip(self.reasons, known, strict=True) if not is_known]
         anew, said = judge(quality)
-        worst = max(anew, self.verdict if self.verdict != verdict else "trusted", key=VERDICTS.index)
-        return worst, [*said, *(reason for reason in self.reasons if reason not in others)]
+        doubted: Verdict = "check" if before or self.verdict != verdict else "trusted"
+        after = [reason for reason in others if reason not in before]
+        return max(anew, doubted, key=VERDICTS.index), [*before, *(said if anew != "trusted" or not before else ()), *after]
+
+    def worded(self, quality: PoseQuality) -> list[str]:
+        """The details of the evidence `quality`, and what the photo's own ones say beyond the evidence's."""
+        return [*details(quality), *(detail for detail in self.details if detail not in details(self.quality))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +145,7 @@ def _changes(own: PhotoSolution, shared: SharedLens, photo: SharedPhoto, numbers
         **{name: value for name, value in camera.items() if name not in kept},
         "verdict": verdict,
         "reasons": [*reasons, _shared_with(len(shared.photos) - 1, _focal_words(shared.intrinsics, numbers))],
-        "details": list(details(quality)),
+        "details": own.worded(quality),
         "quality": quality_to_dict(quality),
         "lens": lens_to_dict(numbers),
     }

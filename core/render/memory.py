@@ -23,6 +23,11 @@ PROCESS_BYTES = 100_000_000
 RENDER_BYTES = 400
 # Copies of the scene: Blender's, the engine's, and the one being assembled (later the one that the processes share).
 COPIES = 3
+# Taken by each Gaussian while a map of the scan is made: its light copy, the tables of that, and a view's buffers. Measured of
+# 1.5 million Gaussians: 262 bytes each.
+MAP_BYTES = 300
+# Taken by each view of a map: descriptors and places of its landmarks.
+MAP_VIEW_BYTES = 200_000
 # Taken by each pixel of a photo while it is decoded and reduced.
 PIXEL_BYTES = 60
 
@@ -45,6 +50,14 @@ def refine_bytes(gaussians: int, sh_coefficients: int, photo_pixels: int, thread
     views = min(threads or os.cpu_count() or 1, MAX_PROCESSES)
     each = PROCESS_BYTES + RENDER_BYTES * gaussians
     return BASE_BYTES + COPIES * scene + each * views + PIXEL_BYTES * photo_pixels
+
+
+def find_bytes(gaussians: int, sh_coefficients: int, threads: int, views: int) -> int:
+    """What finding a photo's camera takes at its peak: a refinement, while the scan, what draws its map's `views` and the map
+    itself are kept for what follows.
+    """
+    scene = 4 * (FLOATS_WITHOUT_SH + 3 * sh_coefficients) * gaussians
+    return refine_bytes(gaussians, sh_coefficients, 0, threads) + scene + MAP_BYTES * gaussians + MAP_VIEW_BYTES * views
 
 
 def import_bytes(file: Path) -> int:

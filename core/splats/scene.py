@@ -62,7 +62,9 @@ class GaussianScene:
         count, own = len(self), [np.require(array, np.float32, ("C", "W")) for array in self._arrays]
         kept, normalised = _compacted(own)
         if kept == 0:
-            raise SplatFormatError(f"All {count} Gaussians of the file hold NaN or infinite values; export the scan again.")
+            raise SplatFormatError(
+                f"Every Gaussian of the file ({count}) holds a NaN or infinite value; export the scan again."
+            )
         m, s, r, o, h = (array[:kept] for array in own)
         return GaussianScene(m, s, r, o, h, count - kept, normalised, self.format, self.orientation)
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 import stat
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -37,6 +39,16 @@ def atomic_write(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+
+
+def check_writable(path: str | Path) -> None:
+    """Raises OSError where `atomic_write` could not write `path`, as far as that can be told before; changes nothing."""
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
+    folder = next(parent for parent in target.parents if parent.exists())
+    with tempfile.TemporaryFile(dir=folder):  # Permissions alone do not tell: file systems can be read-only, or full.
+        pass
 
 
 def remove_parts(path: Path) -> None:

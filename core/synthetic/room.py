@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.spatial.transform import Rotation
+from dataclasses import replace
 
-from ..geometry.camera import FloatArray
+import numpy as np
+
 from ..splats.scene import GaussianScene
 from . import textures as tx
 from .light import LitRoom, daylight
-from .surfaces import SH_C0, Surfels, ball, leaves
+from .painted import joined, painted_scene
+from .surfaces import Surfels, ball, leaves
 from .tessellate import Panel, box, panel, tessellate
 
 LEFT, RIGHT, CEILING, FLOOR, FRONT, BACK = -2.1, 2.1, -1.3, 1.3, -0.6, 4.4
 HULL = (np.array([LEFT, CEILING, FRONT]), np.array([RIGHT, FLOOR, BACK]))
 EYE = np.array([0.0, -0.1, 0.1])  # about where the sample cameras stand: detail goes where they see it
 WINDOW = (np.array([-1.0, -1.0, BACK - 0.1]), np.array([0.1, 0.3, BACK - 0.1]))
-OPACITY = 0.99
-GLOSS = 0.05  # size of the first-degree SH coefficients: what changes with the direction it is seen from
 BALL_SPACING, LEAVES = 0.021, 1500  # at the full 40,000
 FULL_COUNT = 40_000
 
@@ -39,7 +38,7 @@ def make_scene(seed: int = 0, gaussians: int = FULL_COUNT) -> GaussianScene:
     share = gaussians / FULL_COUNT
     loose = _round_things(rng, share)
     flat = tessellate(_shell(rng) + _furniture(rng), gaussians - sum(map(len, loose)), EYE)
-    return _to_scene(rng, _joined([flat, *loose]))
+    return _to_scene(rng, joined([flat, *loose]))
 
 
 def _shell(rng: tx.Rng) -> list[Panel]:
@@ -82,10 +81,6 @@ def _round_things(rng: tx.Rng, share: float) -> list[Surfels]:
     return [*balls, leaves(rng, (-1.3, 0.55, 3.4), 0.42, round(LEAVES * share))]
 
 
-def _joined(parts: list[Surfels]) -> Surfels:
-    return Surfels(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("centres", "axes", "scales", "colors")))
-
-
 def _to_scene(rng: tx.Rng, made: Surfels) -> GaussianScene:
     axes = made.axes.copy()
     away = np.einsum("ij,ij->i", axes[:, :, 2], made.centres - EYE) > 0
@@ -93,22 +88,4 @@ def _to_scene(rng: tx.Rng, made: Surfels) -> GaussianScene:
     balls = np.array([[np.subtract(centre, 0.6 * radius), np.add(centre, 0.6 * radius)] for centre, radius in BALLS])
     solid = np.concatenate([np.array(list(BOXES.values())), balls])
     shade = daylight(rng, made.centres, axes[:, :, 2], LitRoom(WINDOW, solid, HULL))
-    colors = np.clip(made.colors * shade[:, None], 0.01, 0.99)
-    n = len(colors)
-    sh = np.zeros((n, 4, 3), np.float32)
-    sh[:, 0] = (colors - 0.5) / SH_C0
-    sh[:, 1:] = GLOSS * _sheen(axes) * colors[:, None, :] + 0.01 * rng.normal(size=(n, 3, 3))
-    return GaussianScene(
-        means=made.centres.astype(np.float32),
-        scales=made.scales.astype(np.float32),
-        rotations=np.ascontiguousarray(Rotation.from_matrix(axes).as_quat()[:, [3, 0, 1, 2]], np.float32),
-        opacities=np.full(n, OPACITY, np.float32),
-        sh=sh,
-        format="procedural",
-    )
-
-
-def _sheen(axes: FloatArray) -> FloatArray:
-    """First-degree coefficients (N, 3, 1) that brighten a surface seen along its normal; SH order is -y, z, -x."""
-    normal = axes[:, :, 2]
-    return np.stack([normal[:, 1], -normal[:, 2], normal[:, 0]], axis=1)[:, :, None]
+    return painted_scene(rng, replace(made, axes=axes), shade)

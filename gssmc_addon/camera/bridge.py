@@ -88,10 +88,12 @@ def read_lens(scene: bpy.types.Scene, data: bpy.types.Camera) -> BlenderLens:
 
 
 def render_aspects(scene: bpy.types.Scene) -> tuple[float, float]:
+    """The pixel aspect of the scene's render, x and y; Blender keeps both at 1 or above."""
     return scene.render.pixel_aspect_x, scene.render.pixel_aspect_y
 
 
 def with_aspects(lens: BlenderLens, aspects: tuple[float, float]) -> BlenderLens:
+    """The lens with the pixel aspect (x, y) of another render."""
     return replace(lens, pixel_aspect_x=aspects[0], pixel_aspect_y=aspects[1])
 
 
@@ -101,6 +103,7 @@ def photo_pixel(data: bpy.types.Camera, lens: BlenderLens) -> float:
 
 
 def read_distortion(data: bpy.types.Camera) -> Distortion:
+    """The coefficients k1, k2, p1, p2, k3 (OpenCV's model, no unit) that the camera keeps; Blender itself knows none."""
     k1, k2, p1, p2, k3 = (getattr(data.gssmc, name) for name in DIST_NAMES)
     return k1, k2, p1, p2, k3
 

@@ -56,6 +56,7 @@ class SolvedCamera:
 
     @property
     def keys_lens(self) -> bool:
+        """Whether the lens changes along the path, and so gets keyframes too."""
         return any(camera.intrinsics != self.camera.intrinsics for camera in self.path.values())
 
 
@@ -86,11 +87,11 @@ def own_of(solution: SolvedCamera) -> dict[str, Any] | None:
 
 
 def dumps(solution: SolvedCamera) -> str:
+    """The record as JSON text, which `loads` gives back; what JSON has no word for (NaN) must not be in it."""
     path = {str(frame): _numbers(camera, solution.camera) for frame, camera in solution.path.items()}
-    said = {name: getattr(solution, name) for name in NAMES}
-    return json.dumps(
-        {**camera_to_dict(solution.camera), **said, "reasons": list(solution.reasons), "path": path, "own": solution.own}
-    )
+    values = {name: getattr(solution, name) for name in NAMES}
+    values |= {"reasons": list(solution.reasons), "path": path, "own": solution.own}
+    return json.dumps({**camera_to_dict(solution.camera), **values})
 
 
 def loads(text: str) -> SolvedCamera:

@@ -6,6 +6,7 @@ a parent, a keyframe or a script, and splat and camera that are moved together s
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import bpy
@@ -45,6 +46,7 @@ TITLES = {
 def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
     """The solution that a refinement found; its lens counts as solved where it was solved for."""
     solved = report.solved_lens and report.camera is not report.start
+    depth = report.quality.median_depth if report.quality else 0.0
     return SolvedCamera(
         report.camera,
         report.verdict,
@@ -52,7 +54,7 @@ def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
         len(report.iterations),
         report.seconds,
         "SOLVED" if solved else lens_state,
-        report.quality.median_depth if report.quality else 0.0,
+        depth if math.isfinite(depth) else 0.0,
         own=camera_record.own_part(report_to_dict(report)) if report.lens_evidence else "",
     )
 
@@ -112,8 +114,8 @@ def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, solution
 
 def verdict(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     """The camera's verdict as it holds now: CHANGED where the camera is no longer what was trusted, or to be checked."""
-    said: str = camera.data.gssmc.verdict
-    return CHANGED if said in ("TRUSTED", "CHECK") and change(scene, camera) else said
+    kept: str = camera.data.gssmc.verdict
+    return CHANGED if kept in ("TRUSTED", "CHECK") and change(scene, camera) else kept
 
 
 def title(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
@@ -134,7 +136,7 @@ def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     """
     solution, splat = camera_record.read(camera.data), scene.gssmc.splat
     if solution is None:
-        raise CameraError(rpt_('The camera "{name}" was never solved; use Refine Camera.', name=camera.name))
+        raise CameraError(rpt_('The camera "{name}" was never solved; use Find Camera or Refine Camera.', name=camera.name))
     if splat is None or splat.type != "POINTCLOUD":
         raise CameraError(rpt_("The solution stands in the splat; import or pick the splat first."))
     camera_channels.check_writable(camera)

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from ...core.batch.find_one import RETRIED, not_found_either
 from ...core.geometry.camera import Camera, Pose
 from ...core.locate import (
     FindProgress,
@@ -25,6 +26,7 @@ from ...core.locate import (
     build_map,
     iterate_finding,
 )
+from ...core.locate.known_cameras import cameras_beside
 from ...core.pose.report import RefineReport
 from ...core.splats.scene import GaussianScene
 from ..jobs.worker import RefineInputs, refinement
@@ -55,7 +57,8 @@ class GrowingMap:
 
     def __init__(self, scene: GaussianScene, wanted: MapWanted) -> None:
         """Reads what is kept."""
-        self._cache = MapCache(scene, wanted.place, wanted.settings)
+        beside = cameras_beside(wanted.place.scan)
+        self._cache = MapCache(scene, wanted.place, wanted.settings, beside[1] if beside else ())
         self.made = self._cache.read()
         self._kept = len(self.made)
         self._making: Iterator[MapStep] | None = None
@@ -135,13 +138,18 @@ class Finder:
             if self._map is not None:
                 self._map.keep()
 
-    def found_if_failed(self, inputs: RefineInputs) -> Generator[object, None, RefineReport]:
-        """A refinement from the camera that is there; where that fails, the search, whose report counts if it is better."""
+    def found_if_failed(self, inputs: RefineInputs, own: int = 0) -> Generator[object, None, RefineReport]:
+        """A refinement from the camera that is there, whose id is `own`; where that fails, the search, whose report counts if
+        it is better. The reasons tell of it.
+        """
         report: RefineReport = yield from refinement(inputs)
         if report.verdict != "failed":
             return report
-        found: FindReport = yield from self.finding(inputs)
-        return as_refined(found) or report
+        found: FindReport = yield from self.finding(inputs, own)
+        seconds, better = report.seconds + found.seconds, as_refined(found)
+        if better is None:
+            return replace(report, reasons=tuple(not_found_either(report.reasons, found.reasons)), seconds=seconds)
+        return replace(better, reasons=(*better.reasons, RETRIED), seconds=seconds)
 
     def from_where(self, found: FindReport) -> Where:
         """From what the last photo's camera was found; only of a trusted one, with which the search ends, that is known."""

@@ -10,7 +10,9 @@ import bpy
 
 from ...core.geometry.camera import Camera
 from ...core.locate import FindProgress, FindReport, MapSettings
+from ...core.pose.report import RefineProgress
 from ...core.pose.settings import RefineSettings
+from ...core.render import memory
 from ..camera import record as camera_record
 from ..camera import solution as camera_solution
 from ..jobs.machine import Job
@@ -46,6 +48,20 @@ class FindJob(Job):
 
     def on_progress(self, news: FindProgress) -> None:
         self.fraction, self.step, self.detail = self._told(news)
+
+
+class RefineOrFindJob(refine_job.RefineJob):
+    """A refinement of one camera, and where that fails the search for it; its result is the RefineReport of the better one."""
+
+    def __init__(self, targets: refine_job.Targets, inputs: RefineInputs, finder: Finder, copying: SplatCopying) -> None:
+        super().__init__(targets, inputs, copying, partial(finder.found_if_failed, inputs, targets.camera))
+        self._told = Told(finder)
+
+    def on_progress(self, news: RefineProgress | FindProgress) -> None:
+        if isinstance(news, RefineProgress):
+            super().on_progress(news)
+        else:
+            self.fraction, self.step, self.detail = self._told(news)
 
 
 class Told:
@@ -97,24 +113,49 @@ def prepare(
 
     Raises GssmcError, with what to do, when something is missing or unfit.
     """
+    return FindJob(*_prepared(scene, splat, camera, settings))
+
+
+def prepare_refinement(
+    scene: bpy.types.Scene,
+    splat: bpy.types.Object | None,
+    camera: bpy.types.Object | None,
+    settings: RefineSettings,
+) -> RefineOrFindJob:
+    """As `prepare`, for a refinement that the search follows only where it fails."""
+    return RefineOrFindJob(*_prepared(scene, splat, camera, settings))
+
+
+def _prepared(
+    scene: bpy.types.Scene,
+    splat: bpy.types.Object | None,
+    camera: bpy.types.Object | None,
+    settings: RefineSettings,
+) -> tuple[refine_job.Targets, RefineInputs, Finder, SplatCopying]:
     splat = splat_object.picked(scene, splat)
     copying = SplatCopying(splat)
     renderer = SplatRenderer(copying, settings.threads, keeps=True)
     job = refine_job.prepare(scene, splat, camera, settings, renderer)
-    return FindJob(job.targets, job.inputs, finder_of(scene, splat, renderer), copying)
+    return job.targets, job.inputs, finder_of(scene, splat, renderer), copying
 
 
 def finder_of(scene: bpy.types.Scene, splat: bpy.types.Object, renderer: SplatRenderer) -> Finder:
-    """What finds photos in the splat of `renderer`, which has to keep its scene; the scene's solved cameras are known to it."""
+    """What finds photos in the splat of `renderer`, which has to keep its scene; the scene's solved cameras are known to it.
+
+    Raises MemoryLimitError when the search would take more than the preferences allow.
+    """
     settings = MapSettings(views=scene.gssmc.map_views, threads=preferences.threads(bpy.context, scene.gssmc.threads))
+    count, coefficients = len(splat.data.points), splat_object.sh_coefficients(splat)
+    needed = memory.find_bytes(count, coefficients, settings.threads, settings.views)
+    memory.check("The search", needed, preferences.memory_limit(bpy.context))
     return known_of(solved_cameras(scene), Finder(renderer, MapWanted(settings, place_of(splat))))
 
 
 def solved_cameras(scene: bpy.types.Scene) -> list[tuple[int, Camera]]:
     """Session id and solution of every camera of the scene that is trusted and still as it was solved."""
     trusted = [o for o in scene.objects if o.type == "CAMERA" and camera_solution.verdict(scene, o) == "TRUSTED"]
-    found = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
-    return [(uid, record.camera_at(scene.frame_current) or record.camera) for uid, record in found if record]
+    records = [(camera.session_uid, camera_record.read(camera.data)) for camera in trusted]
+    return [(uid, record.camera_at(scene.frame_current) or record.camera) for uid, record in records if record]
 
 
 def apply_report(targets: refine_job.Targets, report: FindReport) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import bpy
 
 from ...core.cameras.files import solved_lens
-from ...core.cli.outcome import Outcome
+from ...core.cli.outcome import Outcome, has_camera
 from ...core.errors import GssmcError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera
@@ -65,7 +65,7 @@ def _verdicts(outcome: Outcome, results: Path | None) -> list[dict[str, Any]]:
         return [report_to_dict(report) for report in outcome.reports]
     if outcome.photos and results:
         frames: list[dict[str, Any]] = json.loads(results.read_text(encoding="utf-8"))["frames"]
-        return [frame for frame in frames if frame["R"] is not None]  # as the outcome's cameras: photos that were found
+        return [frame for frame in frames if has_camera(frame)]
     return [{} for _ in outcome.cameras]
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import bpy
 
-from ...core.cameras.files import read_starts
 from ...core.cameras.names import record_of_photo
+from ...core.cameras.unplaced import Unplaced, read_wanted
 from ...core.errors import CameraError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera, Intrinsics
@@ -39,16 +39,20 @@ class ViewportView:
         return self.region.view_perspective != "CAMERA"
 
 
-def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera:
-    """The camera that the file has for this photo, by the same rule as on the command line.
+def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera | Unplaced:
+    """The camera that the file has for this photo, or its lens where there is no pose, by the same rules as on the command
+    line.
 
     Raises CameraError when none or several name the photo or no splat can carry the pose, PhotoError when the shapes differ.
     """
+    wanted = record_of_photo(read_wanted(Path(bpy.path.abspath(path))), photo.file, Path(path).name)
+    if isinstance(wanted, Unplaced):
+        lens = wanted.intrinsics and check_size(photo, wanted.intrinsics)
+        return replace(wanted, intrinsics=lens)
     if not scene.gssmc.splat:
         raise CameraError(rpt_("The camera file's pose needs a splat to stand in; import the splat first."))
     camera_bridge.splat_similarity(scene.gssmc.splat)
-    start = record_of_photo(read_starts(Path(bpy.path.abspath(path))), photo.file, Path(path).name)
-    camera = start.camera(guess_lens(photo).intrinsics)
+    camera = wanted.camera(guess_lens(photo).intrinsics)
     return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
 
 
@@ -102,32 +106,35 @@ def _take_lens(scene: bpy.types.Scene, data: bpy.types.Camera, view: ViewportVie
 
 @dataclass(frozen=True)
 class LoadedPhoto:
-    """A photo, its image in Blender, and the camera that a file gives for it, None where none does."""
+    """A photo, its image in Blender, and the camera or the lens alone that a file gives for it, None where none does."""
 
     photo: Photo
     image: bpy.types.Image
-    given: Camera | None
+    given: Camera | Unplaced | None
 
 
 def fit_camera(context: bpy.types.Context, camera: bpy.types.Object, loaded: LoadedPhoto, set_resolution: bool) -> list[str]:
     """Gives the camera its photo, lens and, from a camera file, its pose. Sentences on what was found and set."""
     scene, data, photo, given = context.scene, camera.data, loaded.photo, loaded.given
-    if given:
+    lens = given.intrinsics if given else None
+    if isinstance(given, Camera):
         camera_channels.check_writable(camera)
     scene.camera = camera
     notes = list(photo.notes)
     data.gssmc.photo = loaded.image  # The update function of the property shows it behind the camera.
-    pixel = conventions.pixel_shape(given.intrinsics) if given else None
-    notes += frame(scene, (photo.width, photo.height), set_resolution, pixel)
-    if given:
+    notes += frame(scene, (photo.width, photo.height), set_resolution, conventions.pixel_shape(lens) if lens else None)
+    if isinstance(given, Camera):
         camera_bridge.write_camera(scene, camera, scene.gssmc.splat, given)
         camera_channels.write_keyframes(scene, camera)
-        data.gssmc.lens_state = "GUESSED" if given.focal_guessed else "CALIBRATED"
         guessed = rpt_("Pose and lens are those of the camera file (the lens is a guess).")
         notes.append(guessed if given.focal_guessed else rpt_("Pose and lens are those of the camera file."))
+    elif lens:
+        camera_bridge.write_intrinsics(scene, data, lens)
+        notes.append(rpt_("The lens is that of the camera file, which has no pose for the photo; use Find Camera."))
     else:
-        data.gssmc.lens_state = "GUESSED"
         notes.append(_lens_from_exif(scene, data, photo))
+        notes += [rpt_("The camera file has neither pose nor lens for the photo; use Find Camera.")] if given else []
+    data.gssmc.lens_state = "CALIBRATED" if given and lens and not given.focal_guessed else "GUESSED"
     camera_props.keep_verdict(data, "none", (), 0, 0.0)
     return notes
 

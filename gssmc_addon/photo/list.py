@@ -37,6 +37,7 @@ def open_count(scene: bpy.types.Scene) -> int:
 
 
 def title(entry: GssmcPhoto) -> str:
+    """What the list shows of the entry: its camera's name, or the file's where no camera could be made of it."""
     return entry.camera.name if entry.camera else entry.file
 
 

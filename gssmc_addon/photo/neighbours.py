@@ -32,9 +32,9 @@ def starts(scene: bpy.types.Scene, splat: bpy.types.Object, camera: int) -> list
     ones see the scene from all around. Where photos are trusted, those that are to be checked are no starts.
     """
     own = next((c for c in photo_list.cameras(scene) if c.session_uid == camera), None)
-    found = {c: camera_solution.verdict(scene, c) for c in photo_list.cameras(scene) if c != own}
-    best = next((word for word in ("TRUSTED", "CHECK") if word in found.values()), "")
-    solved = [n for n in (_neighbour(scene, splat, c) for c, verdict in found.items() if verdict == best) if n] if best else []
+    verdicts = {c: camera_solution.verdict(scene, c) for c in photo_list.cameras(scene) if c != own}
+    best = next((word for word in ("TRUSTED", "CHECK") if word in verdicts.values()), "")
+    solved = [n for n in (_neighbour(scene, splat, c) for c, word in verdicts.items() if word == best) if n] if best else []
     here = _neighbour(scene, splat, own) if own else None
     return choose(here.pose, solved) if here else []
 

@@ -27,6 +27,7 @@ class Key:
     splat: str = ""
 
     def fits(self, kept: object) -> bool:
+        """Whether a picture that was kept under `kept` is of this view, and of this content of the splat."""
         view, _, splat = str(kept).partition(" ")
         return view == self.view and self.splat in ("", splat)
 
@@ -73,6 +74,7 @@ def unpack_pair(packed: tuple[bytes, bytes]) -> Comparison | None:
 
 
 def put_picture(picture: Image) -> bpy.types.Image:
+    """Makes the picture (H, W, 3), 8-bit RGB, the image that the preview shows."""
     return put("picture", encode_png(picture), (picture.shape[1], picture.shape[0]))
 
 
@@ -95,6 +97,7 @@ def show(image: bpy.types.Image) -> bool:
 
 
 def is_ours(image: bpy.types.Image | None) -> bool:
+    """Whether the image was made by a preview, under whatever name it has now."""
     return image is not None and MARK in image
 
 

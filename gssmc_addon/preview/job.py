@@ -182,4 +182,5 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 
 def options_of(own: bpy.types.bpy_struct) -> PreviewOptions:
+    """A copy of the panel's options, which may be changed while the preview is made."""
     return PreviewOptions(own.style, own.position, own.long_side_px)

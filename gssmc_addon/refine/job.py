@@ -5,6 +5,7 @@ Blender's data may change under a running job (undo, deletion, another file), so
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,7 +20,7 @@ from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import solution as camera_solution
 from ..jobs.machine import Job
-from ..jobs.worker import RefineInputs, refinement
+from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..photo import mask as mask_source
@@ -51,6 +52,7 @@ class Targets:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene, splat: bpy.types.Object, camera: bpy.types.Object, photo: bpy.types.Image) -> Targets:
+        """The targets by their session ids and present names."""
         names = (splat.name, camera.name, photo.name)
         return cls(scene.session_uid, splat.session_uid, camera.session_uid, photo.session_uid, names)
 
@@ -60,8 +62,8 @@ class Targets:
         if scene is None:
             raise RefineError(rpt_("The scene was removed while the refinement ran; nothing was changed."))
         splat, camera = by_uid(scene.objects, self.splat), by_uid(scene.objects, self.camera)
-        found = (splat, camera, by_uid(bpy.data.images, self.photo))
-        for what, name, item in zip(REMOVED, self.names, found, strict=True):
+        live = (splat, camera, by_uid(bpy.data.images, self.photo))
+        for what, name, item in zip(REMOVED, self.names, live, strict=True):
             if item is None:
                 raise RefineError(rpt_(REMOVED[what], name=name))
         return scene, splat, camera
@@ -72,8 +74,15 @@ class RefineJob(Job):
 
     status = n_("Refining the camera    Esc: cancel")
 
-    def __init__(self, targets: Targets, inputs: RefineInputs, copying: SplatCopying | None = None) -> None:
-        super().__init__(partial(refinement, inputs), copying)
+    def __init__(
+        self,
+        targets: Targets,
+        inputs: RefineInputs,
+        copying: SplatCopying | None = None,
+        work: Callable[[], Steps] | None = None,
+    ) -> None:
+        """`work`: what is done in place of the refinement alone."""
+        super().__init__(work or partial(refinement, inputs), copying)
         self.targets = targets
         self.inputs = inputs
 

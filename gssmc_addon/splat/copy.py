@@ -77,9 +77,11 @@ class SplatCopying:
 
     @property
     def fraction(self) -> float:
+        """The share 0..1 that is done: each attribute is copied, and then compared."""
         return (self._copied + self._compared) / (2 * len(self._wanted))
 
     def start(self) -> None:
+        """Begins to make room for the copy, in a thread that touches no Blender data."""
         threading.Thread(target=self._make_room, name="gssmc-copy", daemon=True).start()
 
     def stop(self) -> None:

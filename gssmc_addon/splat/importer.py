@@ -116,6 +116,7 @@ class Building:
 
     @property
     def fraction(self) -> float:
+        """The share 0..1 of the attributes that are filled."""
         return self._done / len(self._attributes)
 
     def step(self) -> bool:

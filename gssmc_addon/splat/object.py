@@ -27,6 +27,7 @@ def is_splat(obj: bpy.types.Object | None) -> TypeGuard[bpy.types.Object]:
 
 
 def is_splat_cloud(cloud: bpy.types.PointCloud) -> bool:
+    """Whether the point cloud has the attributes of a splat, by name alone."""
     return all(name in cloud.attributes for name in REQUIRED)
 
 
@@ -65,10 +66,12 @@ def sh_bands(cloud: bpy.types.PointCloud) -> int:
 
 
 def ensure_attribute(cloud: bpy.types.PointCloud, name: str, kind: str) -> bpy.types.Attribute:
+    """The point attribute, made of that Blender type (`kind`) where it is missing."""
     return cloud.attributes.get(name) or cloud.attributes.new(name, kind, "POINT")
 
 
 def write_attribute(cloud: bpy.types.PointCloud, name: str, kind: str, values: np.ndarray) -> None:
+    """Fills the attribute, made where it is missing, from `values` (N, components), which become float32."""
     attribute = ensure_attribute(cloud, name, kind)
     attribute.data.foreach_set(_value_name(attribute), np.ascontiguousarray(values, np.float32).ravel())
 

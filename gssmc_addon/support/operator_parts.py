@@ -72,6 +72,6 @@ class OfPhoto(PlainOperator):
     def poll(cls, context: bpy.types.Context) -> bool:
         camera = context.scene.camera
         if camera is None or camera.type != "CAMERA" or photo_image.camera_photo(camera) is None:
-            cls.poll_message_set("The scene camera has no photo")
+            cls.poll_message_set("The scene camera has no photo; use Add Photo, or pick another one on the list")
             return False
         return True

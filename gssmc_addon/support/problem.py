@@ -97,8 +97,8 @@ def _splat(scene: bpy.types.Scene) -> str:
     if not splat_object.is_splat(splat):
         return "none"
     bands, others = splat_object.sh_coefficients(splat), sum(splat_object.is_splat(o) for o in scene.objects if o != splat)
-    told = f"{len(splat.data.points):,} Gaussians, {bands} SH coefficients"
-    return f"{told}; {others} other splats in the scene" if others else told
+    contents = f"{len(splat.data.points):,} Gaussians, {bands} SH coefficients"
+    return f"{contents}; {others} other splats in the scene" if others else contents
 
 
 def _summary() -> str:
@@ -106,17 +106,17 @@ def _summary() -> str:
     if not _last.job:
         return "none in this session"
     counts = Counter(report.verdict for report in _last.reports.values())
-    found = ", ".join(f"{counts[verdict]} {verdict}" for verdict in ("trusted", "check", "failed") if counts[verdict])
-    return f"{_last.job}: {found or 'no result'}"
+    verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in ("trusted", "check", "failed") if counts[verdict])
+    return f"{_last.job}: {verdicts or 'no result'}"
 
 
 def _record(report: RefineReport) -> dict[str, Any]:
     """A report in the words and figures that are told, which are listed: what is added to it elsewhere stays out."""
     whole = report_to_dict(report)
-    told = {name: whole[name] for name in TOLD if name in whole}
+    record = {name: whole[name] for name in TOLD if name in whole}
     for sentences in ("reasons", "details"):
-        told[sentences] = [without_names(sentence) for sentence in told[sentences]]
-    if told["quality"]:
-        told["quality"] = {name: value for name, value in told["quality"].items() if name != "pose"}
-    told["iterations"] = [{name: step[name] for name in TOLD_OF_ITERATION if name in step} for step in whole["iterations"]]
-    return told
+        record[sentences] = [without_names(sentence) for sentence in record[sentences]]
+    if record["quality"]:
+        record["quality"] = {name: value for name, value in record["quality"].items() if name != "pose"}
+    record["iterations"] = [{name: step[name] for name in TOLD_OF_ITERATION if name in step} for step in whole["iterations"]]
+    return record

@@ -38,7 +38,11 @@ def sentence(error: Exception) -> str:
         return rpt_(str(error))
     if isinstance(error, MemoryError):
         return rpt_("There is not enough memory for this splat; close other files or use a smaller scan.")
-    return rpt_("The work broke off ({kind}); the system console has the details.", kind=type(error).__name__)
+    if isinstance(error, OSError) and error.strerror:
+        values = {"reason": error.strerror, "file": error.filename or ""}
+        named = rpt_("The work broke off, for '{file}' cannot be used ({reason}).", **values)
+        return named if error.filename else rpt_("The work broke off ({reason}).", **values)
+    return rpt_("The work broke off through a fault of the extension; the system console has the details.")
 
 
 def _filled(found: str, template: str, values: dict[str, object]) -> str:

@@ -39,6 +39,7 @@ class Depth:
         return True
 
     def ground(self, shrink: int) -> Ground:
+        """The ground of a picture with `shrink` pixels of the viewport to one of its own, along each side."""
         height, width = self.values.shape
         if self._texture is None:
             self._texture = texture(self.values)
@@ -73,6 +74,7 @@ class Canvas:
 
     @property
     def working(self) -> bool:
+        """Whether a picture is being made; it may be the first."""
         return self._work is not None
 
     @property
@@ -100,10 +102,12 @@ class Canvas:
                 self.advance(painter, budget)
 
     def lay_over(self, painter: Painter, opacity: float, before: Sequence[Before] = ()) -> None:
+        """Draws the last whole picture over the viewport, at that opacity 0..1; nothing where there is none yet."""
         if self._shown:
             painter.lay_over(self._shown.texture_color, opacity, before)
 
     def free(self) -> None:
+        """Gives up pictures and their memory on the graphics card. Main thread, with the window's context."""
         for buffer in (self._shown, self._next):
             if buffer:
                 buffer.free()

@@ -81,11 +81,13 @@ class Clouds:
         return True
 
     def mark_stale(self, uid: int) -> None:
+        """The point cloud of that session id is read anew, if it is known."""
         cloud = self._clouds.get(uid)
         if cloud:
             cloud.stale = True
 
     def mark_all_stale(self) -> None:
+        """Every point cloud is read anew: after undo, ids stay and contents may not."""
         for cloud in self._clouds.values():
             cloud.stale = True
 
@@ -117,4 +119,5 @@ class Clouds:
             self._thread.ask(("cloud", uid), lambda: prepare(tuple(arrays), known))
 
     def clear(self) -> None:
+        """Forgets all, for another file was opened or the extension is switched off."""
         self._clouds.clear()

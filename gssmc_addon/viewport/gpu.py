@@ -51,6 +51,7 @@ class SplatTextures:
 
     @property
     def complete(self) -> bool:
+        """Whether all tables are on the graphics card."""
         return not self._left
 
     def send_next(self) -> bool:
@@ -76,6 +77,7 @@ class SplatDraw:
     stamp: Any
 
     def key(self) -> Any:
+        """A value that is equal exactly where the same picture would be drawn."""
         matrices = (self.view_model, self.projection)
         return self.stamp, self.count, self.boost, tuple(tuple(row) for matrix in matrices for row in matrix)
 

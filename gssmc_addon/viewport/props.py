@@ -19,10 +19,12 @@ _state = {"drawable": False}  # Whether this Blender has a window and a graphics
 
 
 def set_drawable(drawable: bool) -> None:
+    """Notes whether this Blender has a window and a graphics card that can draw splats."""
     _state["drawable"] = drawable
 
 
 def is_drawable() -> bool:
+    """Whether this Blender has a window and a graphics card that can draw splats."""
     return _state["drawable"]
 
 

@@ -108,6 +108,14 @@ def test_errors_and_our_own_helpers_get_looked_up_sentences(path):
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=name)
+def test_a_grey_button_says_what_to_do(path):
+    """What is missing, a semicolon, and what to do about it, as every refusal."""
+    for call in calls(path):
+        if called(call) == "poll_message_set" and (text := text_of(call.args[0])):
+            assert re.fullmatch(r"[A-Z][^;]+; [a-z][^;.]+", text), f"{name(path)}:{call.lineno}"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=name)
 def test_templates_stand_where_an_extractor_finds_them_and_get_their_values(path):
     for call in calls(path):
         if called(call) not in LOOKUPS | {MARK} or path.name == "texts.py":

@@ -11,25 +11,33 @@ import os
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ...batch.keys import BatchQuery, query_keys
 from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
 from ...batch.store import ResultStore
-from ...cameras import pose_list
+from ...cameras import pose_list, short
 from ...cameras.files import camera_from_dict
 from ...errors import UsageError
 from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
 from ...pose.settings import RefineSettings
 from ...splats import check_splat_file
+from ...support.words import counted
 from ..console import message, say
-from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
-from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..outcome import FAILED_VERDICT, OK, Outcome, has_camera
 from ..paths import check_outputs
 from ..rounds import TO_FIND, Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
+
+UNUSABLE = "not usable"  # of a photo that could not be tried at all
+ENDINGS = ("trusted", "check", "failed", UNUSABLE)
+LISTED = 10  # photos that are named when a batch ends
+
+Record = dict[str, Any]
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -38,13 +46,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     source = "camera JSON: each record is the start of its 'file' (relative to this JSON), or a name; or a data set's folder"
     parser.add_argument("queries", type=Path, metavar="SOURCE", help=source)
     parser.add_argument("--start", type=Path, metavar="POSES.txt", help="start poses of a folder's test photos (any pose file)")
-    parser.add_argument("--focal", type=float, metavar="PX", help="focal length of a folder's photos (7-Scenes: 525)")
+    parser.add_argument("--focal", type=number, metavar="PX", help="focal length of a folder's photos (7-Scenes: 525)")
     parser.add_argument("--preset", choices=list(PRESETS), help="the paper's settings; the scan's unit must be the metre")
     parser.add_argument("--out", type=Path, required=True, metavar="RESULTS.json", help="results, in the order of the queries")
     parser.add_argument("--poses", type=Path, metavar="OUT.txt", help="also write lines of name qw qx qy qz tx ty tz")
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     workers = os.cpu_count() or 1
-    parser.add_argument("--workers", type=int, default=workers, metavar="N", help=f"processes, each holds the scan ({workers})")
+    workers_help = f"processes, each holds the scan ({workers})"
+    parser.add_argument("--workers", type=whole_number, default=workers, metavar="N", help=workers_help)
     parser.add_argument("--shared-lens", choices=SHARING, default="auto", help=SHARED_LENS_HELP)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser, skip=("threads",))
@@ -66,22 +75,43 @@ def run(args: argparse.Namespace) -> Outcome:
     with ResultStore(args.out, query_keys(args.scene, queries, settings, flags.word if args.locate else "")) as store:
         kept = sum(TO_FIND not in record for record in store.records.values())
         if kept:
-            message(f"{kept} of {len(queries)} photos were finished before and are kept.")
+            be = "was finished before and is" if kept == 1 else "were finished before and are"
+            message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
         Rounds(args.scene, args.workers, settings, flags if args.locate else None).run(queries, store)
         share_lenses(args.shared_lens, queries, store)
-    verdicts = Counter(record["verdict"] for record in store.records.values())
-    say(", ".join(f"{verdicts[v]} {v}" for v in ("trusted", "check", "failed")) + f"; results in {args.out}")
-    code = FAILED_VERDICT if verdicts["failed"] else OK
-    return _outcome(args, code, queries, store)
-
-
-def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], store: ResultStore) -> Outcome:
-    """The outcome, of the photos that have a camera; the poses are written where they are asked for."""
     records = [store.records[i] for i in range(len(queries))]
-    placed = [i for i, record in enumerate(records) if record["R"] is not None]
+    _say_lost(records, args.out)
+    counts = Counter(_ending(record) for record in records)
+    endings = [ending for ending in ENDINGS if ending != UNUSABLE or counts[ending]]
+    say(", ".join(f"{counts[ending]} {ending}" for ending in endings) + f"; results in {args.out}")
+    code = FAILED_VERDICT if counts["failed"] or counts[UNUSABLE] else OK
+    return _outcome(args, code, queries, records)
+
+
+def _ending(record: Record) -> str:
+    """One of ENDINGS."""
+    return UNUSABLE if "error" in record else str(record["verdict"])
+
+
+def _say_lost(records: Sequence[Record], out: Path) -> None:
+    """Tells which photos failed or could not be used, and why; of many the first."""
+    lost = [record for record in records if _ending(record) in ("failed", UNUSABLE)]
+    for record in lost[:LISTED]:
+        ending = "failed" if "error" not in record else "could not be used"
+        name = f"'{short(record['file'])}' {ending}: " if record["file"] else ""
+        message(f"{name}{' '.join(record['reasons'][0].split())}")
+    if len(lost) > LISTED:
+        message(f"... and {len(lost) - LISTED} more in '{out}'.")
+    nowhere = sum(record["R"] is None and "error" not in record for record in records)
+    if nowhere:
+        be, have = ("was", "it has") if nowhere == 1 else ("were", "they have")
+        message(f"{nowhere} of {counted(len(records), 'photo')} had no start and {be} not found, so {have} no pose.")
+
+
+def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], records: Sequence[Record]) -> Outcome:
+    """The outcome, of the photos that have a camera; the poses are written where they are asked for."""
+    placed = [i for i, record in enumerate(records) if has_camera(record)]
     cameras = tuple(camera_from_dict(records[i]) for i in placed)
-    if len(placed) < len(queries):
-        message(f"{len(queries) - len(placed)} of {len(queries)} photos had no start and were not found, so they have no pose.")
     if args.poses is not None:
         tried = [camera for i, camera in zip(placed, cameras, strict=True) if "error" not in records[i]]
         pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
@@ -109,5 +139,6 @@ def _mask_files(masks: Path | None, photos: list[Path]) -> list[Path | None]:
     if masks is None:
         return [None] * len(photos)
     found = [find_mask(masks.resolve(), photo) for photo in photos]
-    message(f"{sum(mask is not None for mask in found)} of {len(photos)} photos have a mask; the others are used whole.")
+    have = sum(mask is not None for mask in found)
+    message(f"{have} of {counted(len(photos), 'photo')} {'has' if have == 1 else 'have'} a mask; the others are used whole.")
     return found

@@ -15,6 +15,7 @@ from ...errors import DatasetError
 from ...geometry.camera import Camera
 from ...geometry.conventions import Similarity
 from ...support.atomic import atomic_write
+from ...support.words import counted
 from ..console import say
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
@@ -43,7 +44,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if world is not None:
         found = [replace(start, pose=world.pose_to_scene(start.pose)) for start in found]
     WRITERS[layout](args.out, found)
-    say(f"{len(found)} cameras were written to '{args.out}'.")
+    say(f"{counted(len(found), 'camera')} {'was' if len(found) == 1 else 'were'} written to '{args.out}'.")
     return Outcome(OK)
 
 

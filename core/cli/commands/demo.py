@@ -17,6 +17,7 @@ from ...photos.photo import read_photo
 from ...pictures.chessboard import before_after, save_png
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
+from ...support.words import counted
 from ...synthetic import SampleFiles, write_sample
 from ..console import say
 from ..flags import add_settings_flags, settings_from
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> Outcome:
             picture = before_after(renderer, photo, found.refined.start, found.refined.camera)
             save_png(str(args.out / PICTURE), picture)
     (args.out / RESULT).write_text(json.dumps(found_to_dict(found, lens), indent=1) + "\n")
-    say(f"{len(scene)} Gaussians, photo {photo.width} x {photo.height}; files are in {args.out}")
+    say(f"{counted(len(scene), 'Gaussian')}, photo {photo.width} x {photo.height}; files are in {args.out}")
     say(errors(sample, found))
     if found.camera is None or found.refined is None:
         return Outcome(FAILED_VERDICT, sample.scene)
@@ -58,7 +59,7 @@ def _check_folder(folder: Path) -> None:
     """Raises UsageError when the folder has files of the demo's names that no earlier demo wrote."""
     taken = [name for name in WRITTEN if (folder / name).exists()]
     if taken and TRUTH not in taken:
-        raise UsageError(f"'{folder}' has a {taken[0]} that is no demo's; give another folder with --out DIR.")
+        raise UsageError(f"'{folder}' has the file '{taken[0]}', which no demo wrote; give another folder with --out DIR.")
 
 
 def errors(sample: SampleFiles, found: FindReport) -> str:
@@ -69,7 +70,7 @@ def errors(sample: SampleFiles, found: FindReport) -> str:
         return verdict
     before, after = (pose_error(camera.pose, truth) for camera in (found.refined.start, found.refined.camera))
     return (
-        f"found without a start, in {found.views} views of the scan: {1000 * before[0]:.1f} mm, {before[1]:.2f} deg off "
-        "(the room is 5 m deep)\n"
+        f"found without a start, in {counted(found.views, 'view')} of the scan: {1000 * before[0]:.1f} mm, "
+        f"{before[1]:.2f} deg off (the room is 5 m deep)\n"
         f"refined: {1000 * after[0]:.2f} mm, {after[1]:.3f} deg off, {found.seconds:.1f} s\n{verdict}"
     )

@@ -11,9 +11,10 @@ from typing import Any, get_args
 
 from ...cameras import PoseSet, Split
 from ...cameras.evaluate import STYLES, Scores, average, pose_errors, score, table
-from ...cameras.scenes import Scene, find_scenes, poses_of
+from ...support.words import counted
 from ..console import message, say
 from ..outcome import OK, Outcome
+from ..scenes import Scene, find_scenes, poses_of
 
 AVERAGE = "average"
 START = "start"
@@ -62,13 +63,12 @@ def _scores(scenes: list[Scene], path: Path, args: argparse.Namespace) -> dict[s
 
 def _say_left_out(scene: Scene, estimate: PoseSet, scores: Scores) -> None:
     if scores.missing:
-        message(
-            f"{scores.missing} of {scores.n} photos of '{scene.name}' are missing in '{estimate.source}': infinitely wrong."
-        )
+        missing = f"{scores.missing} of {counted(scores.n, 'photo')} of '{scene.name}'"
+        message(f"'{estimate.source}' lacks {missing}, and counts as infinitely wrong there.")
     beside = len(estimate.frames) - (scores.n - scores.missing)
     if beside:
-        of = f"{beside} of {len(estimate.frames)} poses in '{estimate.source}'"
-        message(f"{of} are of no photo of '{scene.name}' and do not count.")
+        poses = f"{beside} of {counted(len(estimate.frames), 'pose')} in '{estimate.source}'"
+        message(f"'{scene.name}' has no photo for {poses}, which {'does' if beside == 1 else 'do'} not count.")
 
 
 def _with_average(scores: dict[str, Scores]) -> dict[str, Scores]:

@@ -21,7 +21,7 @@ from ...splats import read_splats
 from ...support.atomic import atomic_write
 from ..console import say
 from ..dropped import say_dropped
-from ..flags import SCENE_HELP
+from ..flags import SCENE_HELP, number, whole_number
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 
@@ -33,11 +33,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("outdir", type=Path, help="folder for the pictures, made where it is missing")
     parser.add_argument("--npz", action="store_true", help="write float arrays color, depth, alpha beside each picture")
     parser.add_argument(
-        "--repeat", type=int, default=0, metavar="N", help="draw N times, print the median ms per frame as JSON"
+        "--repeat", type=whole_number, default=0, metavar="N", help="draw N times, print the median ms per frame as JSON"
     )
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="CPU threads, 0 = all cores (0)")
+    parser.add_argument("--threads", type=whole_number, default=0, metavar="N", help="CPU threads, 0 = all cores (0)")
     near = "near plane in scene units (as a refinement has it: 0.2, or nearer in a small scan)"
-    parser.add_argument("--near", type=float, metavar="D", help=near)
+    parser.add_argument("--near", type=number, metavar="D", help=near)
     return parser
 
 

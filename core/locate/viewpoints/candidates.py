@@ -22,7 +22,7 @@ MOST_FILLED, SOME_FILLED = 0.5, 0.1  # of a view's cells: of places all around; 
 VIEWS_A_POSITION = 5
 ELEMENTS = 5000  # surface points whose coverage is counted
 NEAREST, FARTHEST = 0.6, 2.0  # of the expected distance, of the position from the point it was drawn for
-RATIOS = tuple(np.geomspace(25, 280, 8))
+RATIOS = tuple(25 * 11.2 ** (np.arange(11) / 7))  # up to 788
 FACING_PULL = 5.0  # how much a position prefers the side that its point faces; a facing is about 0.5 long, the noise 1.7
 SIGMA_LOG = 0.5  # of the distances around the expected one
 

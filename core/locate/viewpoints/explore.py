@@ -7,158 +7,141 @@ them have shown, and new candidates are looked for around those that were chosen
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import islice
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from ...features.matchers.nearest import MutualNearest
-from ...geometry.camera import FloatArray, Pose
 from ...geometry.lie import so3_exp
 from .candidates import Viewpoint
-from .eye import Eye, RenderedFeatures, facing, square_camera
-from .panorama import facing_log
-from .surface import Surface
+from .scout import Scout, Sight
 
-FIRST_LOOK_PX = 144
-BASELINE = 0.12  # between the two eyes, of the depth
-STABLE_RATIO = 0.03  # of the depth: how far two lifts of one feature may lie apart
 FIRST_LOOKS = 12
 FRUITLESS = 20
-FEWEST_POINTS = 5
-SIDE_GAIN = 2.0  # how much sharper than the sieve a sight is judged by the side from which it is seen
-LEAST_SOLID = 0.1
 VOXEL_RATIO = 0.06  # of the typical depth: the cells whose coverage is counted
 STEP_RATIO = (0.15, 0.6)  # of the depth: how far a neighbour lies from its parent
 TURN_DEG = (10.0, 60.0)
+TRIED = (2.0, 2.0)  # as if so much gain had been put to the proof, and had passed it
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """A view that was looked at: its pose; `depth` (scene units), which its near plane was set by; `found`, the features of the
-    first eye; `points` (N, 3) in the world, of those or, once `proven` by a second eye, of the stable ones; and `weight` (N,),
-    0..1, how plausible it is that a photograph saw them from this side.
+class Exploration:
+    """Where the choice of views stands: all that is needed to go on from there as if it had not been interrupted.
+
+    `ratio`: of distance and width, as `candidates.measured_ratio` gave it; `ahead`: the sieve's candidates that were not looked
+    at; `rng`: the state of the generator of random numbers; `pool`: sights that were not chosen; `taken`: those that were, in
+    their order; `voxel`: scene units, 0 before there is any sight; `proof`: the gain of sights before a second eye looked, and
+    after it, summed.
     """
 
-    pose: Pose
-    depth: float
-    found: RenderedFeatures
-    points: FloatArray
-    weight: NDArray[np.float32]
-    proven: bool = False
-
-
-class Scout:
-    """Looks at viewpoints with small renders."""
-
-    def __init__(self, eye: Eye, surface: Surface) -> None:
-        self._eye, self._surface = eye, surface
-        self._tree = cKDTree(surface.points)
-        self._camera = square_camera(FIRST_LOOK_PX)
-
-    def sight(self, viewpoint: Viewpoint) -> Sight | None:
-        """What one eye sees there; None where that is mostly nothing."""
-        pose = Pose.from_centre(facing(viewpoint.direction), viewpoint.centre)
-        look = self._eye.look(pose, self._camera, viewpoint.depth)
-        if look.solid < LEAST_SOLID or len(look.features) < FEWEST_POINTS:
-            return None
-        return Sight(pose, viewpoint.depth, look, look.points, self._weight(pose, look.points))
-
-    def proven(self, sight: Sight) -> Sight | None:
-        """The sight with those of its points that a second eye at its side sees at the same places; None where too few are."""
-        pose, depth = sight.pose, sight.found.depth
-        aside = Pose.from_centre(pose.R, pose.centre + BASELINE * depth * pose.R[0])
-        other = self._eye.look(aside, self._camera, sight.depth)
-        pairs = MutualNearest().match(sight.found.features, other.features).indices
-        first, second = sight.found.points[pairs[:, 0]], other.points[pairs[:, 1]]
-        stable = first[np.linalg.norm(first - second, axis=1) < STABLE_RATIO * depth]
-        if len(stable) < FEWEST_POINTS:
-            return None
-        return replace(sight, points=stable, weight=self._weight(pose, stable), proven=True)
-
-    def _weight(self, pose: Pose, points: FloatArray) -> NDArray[np.float32]:
-        _, nearest = self._tree.query(points)
-        ray = (points - pose.centre).astype(np.float32)
-        side = facing_log(self._surface.facing[nearest], ray, np.linalg.norm(ray, axis=1))
-        return np.asarray(np.exp(SIDE_GAIN * side), np.float32)
+    ratio: float
+    ahead: tuple[Viewpoint, ...]
+    rng: dict[str, Any]
+    pool: tuple[Sight, ...] = ()
+    taken: tuple[Sight, ...] = ()
+    voxel: float = 0.0
+    proof: tuple[float, float] = TRIED
 
 
 def neighbour(parent: Sight, rng: np.random.Generator) -> Viewpoint:
     """A viewpoint a step and a turn away from `parent`."""
     way, axis = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-    step = rng.uniform(*STEP_RATIO) * parent.found.depth
+    step = rng.uniform(*STEP_RATIO) * parent.depth
     turn = so3_exp(np.radians(rng.uniform(*TURN_DEG)) * axis)
-    return Viewpoint(parent.pose.centre + step * way, turn @ parent.pose.R[2], parent.found.depth)
+    return Viewpoint(parent.viewpoint.centre + step * way, turn @ parent.viewpoint.direction, parent.depth)
 
 
+@dataclass
 class Coverage:
     """How well each voxel of the scene has been shown, and what a sight adds: the sum over the voxels of its points of
     w / (1 + t)^2, with w the largest weight of the sight there and t the sum of those before it.
     """
 
-    def __init__(self, voxel: float) -> None:
-        self._voxel = voxel
-        self._shown: dict[tuple[int, ...], float] = {}
+    voxel: float
+    shown: dict[tuple[int, ...], float] = field(default_factory=dict)
 
     def voxels(self, sight: Sight) -> dict[tuple[int, ...], float]:
         """The voxels that hold the sight's points, and the largest weight in each."""
         out: dict[tuple[int, ...], float] = {}
-        keys = map(tuple, np.floor(sight.points / self._voxel).astype(np.int64).tolist())
+        keys = map(tuple, np.floor(sight.points / self.voxel).astype(np.int64).tolist())
         for key, weight in zip(keys, sight.weight.tolist(), strict=True):
             out[key] = max(weight, out.get(key, 0.0))
         return out
 
     def gain(self, sight: Sight) -> float:
-        gain = sum(w / (1 + self._shown.get(key, 0.0)) ** 2 for key, w in self.voxels(sight).items())
+        gain = sum(w / (1 + self.shown.get(key, 0.0)) ** 2 for key, w in self.voxels(sight).items())
         return gain * float(sight.weight.mean())
 
     def add(self, sight: Sight) -> None:
         for key, w in self.voxels(sight).items():
-            self._shown[key] = self._shown.get(key, 0.0) + w
+            self.shown[key] = self.shown.get(key, 0.0) + w
 
 
-def chosen(
-    scout: Scout, viewpoints: Iterator[Viewpoint], per_view: tuple[int, int], rng: np.random.Generator
-) -> Iterator[Sight]:
-    """Sights for the map, the most useful first; ends where FRUITLESS rounds in a row have found nothing to see.
+class Explorer:
+    """Chooses sights for the map, the most useful first."""
 
-    `per_view`: how many new candidates are looked at for each sight that is chosen, of `viewpoints` and of neighbours.
-    """
-    pool: list[Sight] = []
-    taken: list[Sight] = []
-    coverage: Coverage | None = None
-    fruitless = 0
-    while fruitless < FRUITLESS:
-        fresh = list(islice(viewpoints, per_view[0] if taken else FIRST_LOOKS))
-        if taken:
-            fresh += [neighbour(taken[int(rng.integers(len(taken)))], rng) for _ in range(per_view[1])]
-        pool += [found for v in fresh if (found := scout.sight(v)) is not None]
-        fruitless = 0 if pool else fruitless + 1
-        if not pool:
-            continue
-        if coverage is None:
-            coverage = Coverage(VOXEL_RATIO * float(np.median([s.depth for s in pool])))
-        best = _best(scout, pool, coverage)
-        if best is not None:
-            coverage.add(best)
-            taken.append(best)
-            yield best
+    def __init__(self, scout: Scout, begun: Exploration) -> None:
+        self._scout, self._ratio = scout, begun.ratio
+        self._ahead = list(begun.ahead)
+        self._rng = np.random.default_rng()
+        self._rng.bit_generator.state = begun.rng
+        self._pool, self._taken = list(begun.pool), list(begun.taken)
+        self._before, self._after = begun.proof
+        self._coverage = Coverage(begun.voxel)
+        for sight in self._taken:
+            self._coverage.add(sight)
 
+    def state(self) -> Exploration:
+        """Where the choice stands now; to be asked for between two steps of `choices`."""
+        proof = self._before, self._after
+        rng = dict(self._rng.bit_generator.state)
+        pool, taken = tuple(self._pool), tuple(self._taken)
+        return Exploration(self._ratio, tuple(self._ahead), rng, pool, taken, self._coverage.voxel, proof)
 
-def _best(scout: Scout, pool: list[Sight], coverage: Coverage) -> Sight | None:
-    """Takes the sight that adds most out of `pool`. Proof only lowers what a sight adds, so that few need it (lazy greedy)."""
-    gains = [coverage.gain(sight) for sight in pool]
-    while pool:
-        top = int(np.argmax(gains))
-        sight = pool.pop(top)
-        gains.pop(top)
-        if sight.proven:
-            return sight
-        proven = scout.proven(sight)
-        if proven is not None:
-            pool.append(proven)
-            gains.append(coverage.gain(proven))
-    return None
+    def choices(self) -> Iterator[Sight | None]:
+        """Sights in the order of their use, and None after each look in between; ends where FRUITLESS rounds in a row have
+        found nothing to see.
+        """
+        fruitless = 0
+        while fruitless < FRUITLESS:
+            for viewpoint in self._next_looks():
+                found = self._scout.sight(viewpoint)
+                self._pool += [] if found is None else [found]
+                yield None
+            fruitless = 0 if self._pool else fruitless + 1
+            if not self._pool:
+                continue
+            if not self._coverage.voxel:
+                self._coverage = Coverage(VOXEL_RATIO * float(np.median([s.viewpoint.depth for s in self._pool])))
+            yield from self._best()
+
+    def _next_looks(self) -> Sequence[Viewpoint]:
+        """What to look at next: of the sieve's candidates, and around a sight that was chosen."""
+        fresh = 1 if self._taken else FIRST_LOOKS
+        looks, self._ahead = self._ahead[:fresh], self._ahead[fresh:]
+        if self._taken:
+            looks.append(neighbour(self._taken[int(self._rng.integers(len(self._taken)))], self._rng))
+        return looks
+
+    def _best(self) -> Iterator[Sight | None]:
+        """Takes the sight that adds most out of the pool. Proof lowers what a sight adds, so that few need it: what others have
+        lost by it so far is expected of those that were not put to it.
+        """
+        gains = [self._coverage.gain(sight) for sight in self._pool]
+        while self._pool:
+            kept = self._after / self._before
+            top = int(np.argmax([gain * (1 if s.proven else kept) for gain, s in zip(gains, self._pool, strict=True)]))
+            sight, gain = self._pool.pop(top), gains.pop(top)
+            if sight.proven:
+                self._coverage.add(sight)
+                self._taken.append(sight)
+                yield sight
+                return
+            proven = self._scout.proven(sight)
+            self._before += gain
+            if proven is not None:
+                self._pool.append(proven)
+                gains.append(self._coverage.gain(proven))
+                self._after += gains[-1]
+            yield None

@@ -7,7 +7,7 @@ import os
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -138,7 +138,10 @@ class FinalStage:
             # The choice was made without the reference view and the fit is made with it. An epipolar fit leaves it out, because
             # lines of (nearly) no baseline would only turn with the noise.
             problem = JointProblem.of([*views, reference], k, self.prior, self.free)
-        return fit_joint(start, problem, kind)
+        fit = fit_joint(start, problem, kind)
+        if self.prior.refuted(fit.camera.intrinsics):
+            fit = fit_joint(start, replace(problem, prior=self.prior.doubted()), kind)
+        return fit
 
 
 @dataclass(frozen=True, eq=False)

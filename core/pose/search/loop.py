@@ -12,6 +12,7 @@ from ...features.frontend import Frontend
 from ...features.matchers.nearest import MutualNearest
 from ...geometry.camera import Intrinsics, Pose, pose_error
 from ...render.view import ViewRenderer, sole_renderer
+from ...support.words import counted
 from ..final.stage import view_pool
 from ..report import IterationRecord, RefineProgress
 from ..settings import RefineSettings
@@ -84,8 +85,8 @@ class Fan:
 
 @dataclass(frozen=True)
 class IterationStart:
-    """What an iteration begins with: its number from 0, the photo, the lens as it was given, the pose that the reference view
-    is drawn at, and whether no earlier iteration had an answer.
+    """What an iteration begins with: its number from 0 in the whole refinement, the photo, the lens as it was given, the pose
+    that the reference view is drawn at, and whether no earlier iteration of this run had an answer.
     """
 
     index: int
@@ -111,7 +112,7 @@ class IterationEnd:
 @dataclass(frozen=True)
 class Loop:
     """One refinement's fixed inputs; `run` does the iterations. `solves_focal`: the focal length is unknown; `extract`: the
-    photo with the features that a frontend finds in it.
+    photo with the features that a frontend finds in it; `wide`: whether the first fan is a wide one.
     """
 
     renderer: ViewRenderer
@@ -119,6 +120,7 @@ class Loop:
     frontend: Frontend
     solves_focal: bool
     extract: Callable[[Frontend], PhotoFeatures]
+    wide: bool = False
 
     def stronger(self, photo: PhotoFeatures, usable: int, views: int) -> tuple[Loop, PhotoFeatures]:
         """The loop and the photo with the kind of features that takes over where `usable` of `views` views gave no answer; the
@@ -134,7 +136,8 @@ class Loop:
     ) -> Generator[RefineProgress, None, LoopResult]:
         """Iterates from `start` and returns the best answer; appends to `records`."""
         settings, prior = self.settings, photo.image.intrinsics
-        fan = narrow = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
+        narrow = Fan(settings.perturb_translation_ratio, settings.perturb_rotation_deg)
+        fan = narrow.wider() if self.wide else narrow
         pose, best, loop, out = start, None, self, LoopResult(None)
         for index in range(settings.iterations):
             observations = yield from loop._observe(photo, pose, fan, index, rng)
@@ -144,7 +147,7 @@ class Loop:
             if index == 0:
                 at_start = compare(photo.image, reference.grey, reference.solid)
                 out = replace(out, start=at_start, start_depth=reference.median_depth)
-            end = loop._solve(IterationStart(index, photo, prior, pose, first=best is None), observations)
+            end = loop._solve(IterationStart(len(records), photo, prior, pose, first=best is None), observations)
             records.append(end.record)
             yield self._progress(index + 1, "iteration done", index + 1, end.record)
             photo, answer = end.photo, end.answer
@@ -235,8 +238,8 @@ def searching(frontend: Frontend) -> Frontend:
 
 def _figures(observations: Sequence[Observation], record: IterationRecord) -> str:
     return (
-        f"The photo has {record.matches} matches with {len(observations)} rendered views, and {record.views_used} of the views "
-        "hold a pose."
+        f"The photo has {counted(record.matches, 'match', 'matches')} with {counted(len(observations), 'rendered view')}, of "
+        f"which {counted(record.views_used, 'view')} {'holds' if record.views_used == 1 else 'hold'} a pose."
     )
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ...geometry.camera import Camera, FloatArray, Intrinsics, Pose
+from ...geometry.conventions import focal_px_from_35mm
 from ...geometry.lie import se3_exp
 
 LensMode = Literal["fixed", "focal", "full"]
@@ -20,36 +21,55 @@ ALL: Free = tuple(range(len(NAMES)))
 FOCAL: Free = (0,)
 MODES: dict[LensMode, Free] = {"fixed": (), "focal": FOCAL, "full": ALL}
 
-# Standard deviations of the prior, in the order of NAMES. A lens that nobody told: the focal length, guessed by eye or habit,
-# is sometimes off by a quarter; principal points of phones, crops and stabilised video lie some per cent off the centre; k1 and
-# k2 of phones reach a tenth, and tangential and third radial terms some thousandths and hundredths; pixels are square but for
-# scans and rescaled video.
-GUESS_STD = np.array([0.3, 0.02, 0.02, 0.1, 0.1, 0.003, 0.003, 0.05, 0.01])
-# A calibration is known to about what calibrations state: some tenths of a pixel in a thousand, and the distortion likewise at
-# the border of the picture.
-CALIBRATED_STD = np.array([2e-4, 2e-4, 2e-4, 4e-4, 4e-4, 1e-4, 1e-4, 4e-4, 1e-4])
+LensSource = Literal["calibrated", "exif", "guess"]
+# Standard deviations of what is known of a lens, in the order of NAMES, by the source that told it.
+# A guess, by eye or habit: the focal length is sometimes off by a quarter; principal points of phones, crops and stabilised
+# video lie some per cent off the centre; k1 and k2 of phones reach a tenth, tangential and third radial terms some thousandths
+# and hundredths; pixels are square but for scans and rescaled video.
+# EXIF: its focal length in 35 mm terms is rounded to whole millimetres, and the lens breathes with its focus.
+# A calibration is known to what calibrations state: some tenths of a pixel in a thousand, and the distortion likewise at the
+# border of the picture.
+PRIOR_STD: dict[LensSource, FloatArray] = {
+    "guess": np.array([0.3, 0.02, 0.02, 0.1, 0.1, 0.003, 0.003, 0.05, 0.01]),
+    "exif": np.array([0.03, 0.02, 0.02, 0.1, 0.1, 0.003, 0.003, 0.05, 0.01]),
+    "calibrated": np.array([2e-4, 2e-4, 2e-4, 4e-4, 4e-4, 1e-4, 1e-4, 4e-4, 1e-4]),
+}
+GUESS_STD, CALIBRATED_STD = PRIOR_STD["guess"], PRIOR_STD["calibrated"]
+# A guessed focal length that lies this near to EXIF's is EXIF's.
+SAME_FOCAL = 1e-3
+# A lens this many deviations from what EXIF says was photographed with another one: a crop, or a picture that was resized.
+REFUTED = 3.0
 MAX_LOG_STEP = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class LensPrior:
-    """What is known of a lens before anything is matched: its numbers as they were given, and the standard deviations (9,) of
-    NAMES. `calibrated`: somebody measured it, so that it is given rather than guessed.
+    """What is known of a lens before anything is matched: its numbers as they were given, the standard deviations (9,) of
+    NAMES, and who told them.
     """
 
     lens: Intrinsics
     std: FloatArray
-    calibrated: bool
+    source: LensSource
 
     @classmethod
-    def of(cls, camera: Camera) -> LensPrior:
-        """The prior that the source of a camera's lens implies."""
-        if not camera.focal_guessed:
-            return cls(camera.intrinsics, CALIBRATED_STD, True)
-        std = GUESS_STD.copy()
-        if camera.focal_std is not None:
-            std[0] = camera.focal_std
-        return cls(camera.intrinsics, std, False)
+    def of(cls, camera: Camera, focal_35mm: float | None = None) -> LensPrior:
+        """The prior that the source of a camera's lens implies; `focal_35mm`: what the photo's EXIF says (mm)."""
+        k = camera.intrinsics
+        source: LensSource = "guess" if camera.focal_guessed else "calibrated"
+        if camera.focal_guessed and focal_35mm:
+            by_exif = focal_px_from_35mm(focal_35mm, k.width, k.height)
+            source = "exif" if abs(np.log(k.focal / by_exif)) < SAME_FOCAL else "guess"
+        return cls(k, PRIOR_STD[source], source)
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether somebody measured the lens, so that it is given rather than guessed."""
+        return self.source == "calibrated"
+
+    def refuted(self, now: Intrinsics) -> bool:
+        """Whether the lens `now` that was solved for shows that EXIF's focal length is not the photo's."""
+        return self.source == "exif" and bool(abs(self.off(now)[0]) > REFUTED * self.std[0])
 
     def resized(self, width: int, height: int) -> LensPrior:
         """The prior of the same lens for the image resampled to `width` x `height`."""
@@ -62,8 +82,8 @@ class LensPrior:
         return replace(self, std=std)
 
     def doubted(self) -> LensPrior:
-        """The prior that a calibration leaves if it is wrong: that of a guess, around the same numbers."""
-        return replace(self, std=GUESS_STD)
+        """The prior that is left if the source is wrong: that of a guess, around the same numbers."""
+        return replace(self, std=GUESS_STD, source="guess")
 
     def off(self, now: Intrinsics) -> FloatArray:
         """How far `now` lies from the prior's lens, (9,) in the order of NAMES."""

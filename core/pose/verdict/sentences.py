@@ -7,9 +7,27 @@ from __future__ import annotations
 
 from math import isfinite, log
 
+from ...support.words import counted
 from ..report import PoseQuality
 
 CLOSER = "move the camera closer to the photo's view and refine again."
+SEARCH_ON = "try more views of the scan, known cameras, or another photo."
+# Of each sentence that speaks of a start: these words, and those for a camera that nobody had placed.
+WITHOUT_START = {
+    CLOSER: SEARCH_ON,
+    "turn it towards the scene and refine again.": SEARCH_ON,
+    ", or the start was too far off": "",
+    ", or the start is too far off": "",
+    "a sharper photo or a closer start gives more.": "a sharper photo gives more.",
+    "The start camera": "The camera of the first guess",
+}
+
+
+def without_start(reason: str) -> str:
+    """A reason as it is to be said of a photo that was searched for without a start: whoever reads it has none to change."""
+    for words, others in WITHOUT_START.items():
+        reason = reason.replace(words, others)
+    return reason
 
 
 def pixels(value: float) -> str:
@@ -30,11 +48,8 @@ def share(value: float) -> str:
 
 
 def trusted(q: PoseQuality) -> tuple[str, ...]:
-    if isfinite(q.offset_px_of_photo):
-        fits = f"The splat sits on the photo to {pixels(q.offset_px_of_photo)}."
-    else:
-        fits = f"Of the photo's corners {share(q.agreement)} sit where the splat shows them."
-    return fits, f"{q.views_used} views of the splat from around it lead to the same camera."
+    fits = f"The splat sits on the photo to {pixels(q.region_offset_px_of_photo)}."
+    return fits, f"{counted(q.views_used, 'view')} of the splat from around it lead to the same camera."
 
 
 def too_few_corners(q: PoseQuality) -> str:
@@ -51,13 +66,25 @@ def _few_corners(q: PoseQuality) -> str:
 
 def another_place(q: PoseQuality) -> str:
     return (
-        f"Only {share(q.agreement)} of the photo's corners sit where the splat shows them; the photo may show another "
-        f"place, or the start was too far off; {CLOSER}"
+        "No part of the photo sits on the splat clearly beyond chance; the photo may show another place, or the start was too "
+        f"far off; {CLOSER}"
     )
 
 
 def fits_in_part(q: PoseQuality) -> str:
-    return f"Only {share(q.agreement)} of the photo's corners sit where the splat shows them; compare the two by eye."
+    if not isfinite(q.region_offset_px_of_photo):
+        return "No part of the photo sits on the splat; compare the two by eye."
+    return (
+        f"The splat sits on {share(q.region_area)} of the photo, with {q.region_corners} corners to "
+        f"{pixels(q.region_offset_px_of_photo)}; compare the two by eye."
+    )
+
+
+def repeats(q: PoseQuality) -> str:
+    return (
+        "The place repeats itself: other parts of the splat look as much like what the photo shows; check that the camera is "
+        "not a window or a tile off."
+    )
 
 
 def start_kept(start: PoseQuality, refined: PoseQuality) -> str:
@@ -67,12 +94,32 @@ def start_kept(start: PoseQuality, refined: PoseQuality) -> str:
     )
 
 
+def two_places(distance_pct: float, degrees: float) -> str:
+    return (
+        f"Another camera, {per_cent(distance_pct)} of the distance to the scene and {degrees:.1f} degrees away, sits on the "
+        "photo as well; compare the two by eye."
+    )
+
+
+def tried_again(distance_pct: float, degrees: float, same: bool) -> str:
+    came = "the same camera" if same else "another camera"
+    return (
+        f"Because of a doubt the photo was tried again from a wider fan of views, which led to {came}, {distance_pct:.3f} % of "
+        f"the median depth and {degrees:.3f} degrees away; the better one counts."
+    )
+
+
+def tried_in_vain() -> str:
+    return "Because of a doubt the photo was tried again from a wider fan of views, which led to no camera."
+
+
 def few_views(q: PoseQuality) -> str:
     return f"Only {q.views_used} of the rendered views could be matched with the photo; {CLOSER}"
 
 
 def few_matches(q: PoseQuality) -> str:
-    return f"Only {q.inliers} matches hold the camera; a sharper photo or a closer start gives more."
+    hold = f"{counted(q.inliers, 'match', 'matches')} {'holds' if q.inliers == 1 else 'hold'}"
+    return f"Only {hold} the camera; a sharper photo or a closer start gives more."
 
 
 def uncovered(q: PoseQuality) -> str:
@@ -118,11 +165,11 @@ def other_lens(q: PoseQuality) -> str:
 
 def details(q: PoseQuality) -> tuple[str, ...]:
     """The figures behind a verdict, as far as they are known."""
-    said = [_agreement(q)]
+    said = [_agreement(q), _region(q)]
     if q.inliers and isfinite(q.rms_px_of_photo):
+        matches = f"{counted(q.inliers, 'match', 'matches')} in {counted(q.views_used, 'view')}"
         said.append(
-            f"{q.inliers} matches in {q.views_used} views, over {share(q.coverage)} of the photo, have an epipolar RMS of "
-            f"{q.rms_px_of_photo:.2f} px of the photo."
+            f"The epipolar RMS of {matches}, over {share(q.coverage)} of the photo, is {q.rms_px_of_photo:.2f} px of the photo."
         )
     if isfinite(q.disagreement_pct) and isfinite(q.disagreement_deg):
         said.append(
@@ -143,4 +190,15 @@ def details(q: PoseQuality) -> tuple[str, ...]:
 def _agreement(q: PoseQuality) -> str:
     whose = {"refined": "the refined camera", "start": "the start camera", "rejected": "the camera that was found"}[q.of]
     offset = f", with a median offset of {q.offset_px_of_photo:.2f} px of the photo" if isfinite(q.offset_px_of_photo) else ""
-    return f"{share(q.agreement)} of {q.corners} corners of the photo sit on the render through {whose}{offset}."
+    return f"{share(q.agreement)} of {counted(q.corners, 'corner')} of the photo sit on the render through {whose}{offset}."
+
+
+def _region(q: PoseQuality) -> str:
+    if not (q.region_corners and isfinite(q.region_offset_px_of_photo) and isfinite(q.region_expected)):
+        return "No part of the photo holds more corners in place than chance explains."
+    unlike = f"; {share(q.unrivalled)} of patches there are shown nowhere better" if isfinite(q.unrivalled) else ""
+    staying = counted(q.region_corners, "corner")
+    return (
+        f"In the part that sits, {share(q.region_area)} of the photo, {staying} ({share(q.region_share)} of those "
+        f"there; by chance {q.region_expected:.0f}) stay to {q.region_offset_px_of_photo:.2f} px of the photo{unlike}."
+    )

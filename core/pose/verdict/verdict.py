@@ -1,8 +1,8 @@
 """The verdict on a pose: trusted, check or failed, with its reasons in words (docs/design.md, section 5).
 
-The thresholds come from `benchmarks/verdict_trials.py` on two real scans: right poses agree with the final render at 40 to 95 %
-of the corners (least with 40 % of the photo covered), poses of another place, of a mirrored photo or from a hopeless start at
-0 to 22 %.
+Whether the render sits on the photo is judged by the regions in which it does (`regions.py`), because corners on things that
+the scan does not have are no evidence against a pose. Their thresholds come from `benchmarks/agreement.py`, the others from
+`benchmarks/verdict_trials.py`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...geometry.camera import Intrinsics, Pose
+from ...geometry.camera import Intrinsics, Pose, pose_error
 from ..final.solution import FittedCamera
 from ..report import PoseQuality, Verdict
 from ..shared.corners import filled_cells
@@ -24,10 +24,19 @@ CELLS = 6
 
 # With fewer corners of the photo over the splat, right poses cannot be told from wrong ones.
 MIN_CORNERS = 30
-# With fewer than this, not even perfect agreement supports a pose.
-FEWEST_CORNERS = 10
-FAILED_AGREEMENT = 0.25
-TRUSTED_AGREEMENT = 0.36
+# The render sits on a part of the photo with at least so many corners in place, over such a share of the photo, to so many
+# pixels. Smaller parts support no pose; parts that leave no doubt are larger.
+SITS_CORNERS, SITS_AREA, SITS_OFFSET_PX = 12, 0.005, 1.0
+TRUSTED_CORNERS, TRUSTED_AREA, TRUSTED_OFFSET_PX = 40, 0.08, 0.75
+# And with at least so many times the corners that chance would leave in place over the whole photo.
+BEYOND_CHANCE = 2.0
+# Where fewer than this share of the corners there are in place, and less exactly than to so many pixels, the part is a weak
+# one: a mirrored photo matches the back of a wallpaper with 39 % to 0.6 px.
+WEAK_SHARE, WEAK_OFFSET_PX = 0.45, 0.5
+# All in pixels of the photo, reduced to this long side where it is larger.
+OFFSET_LONG_SIDE_PX = 640
+# A right pose at which fewer patches than this are shown best in their place is of a place that repeats itself.
+TRUSTED_UNRIVALLED = 0.7
 TRUSTED_VIEWS = 4
 TRUSTED_INLIERS = 100
 TRUSTED_COVERAGE = 0.25
@@ -94,19 +103,76 @@ def _render_evidence(pose: Pose, final: FinalView, photo: Intrinsics, depth: flo
         agreement=final.agreement,
         offset_px_of_photo=final.offset_px_of_photo,
         similarity=final.similarity,
+        region_corners=final.region.corners,
+        region_share=final.region.share,
+        region_expected=final.region.expected,
+        region_area=final.region.area,
+        region_offset_px_of_photo=final.photo_px * final.region.offset_px,
+        unrivalled=final.region.unrivalled,
     )
 
 
 def judge(quality: PoseQuality) -> tuple[Verdict, tuple[str, ...]]:
     """The verdict on a pose that was found, and its reasons in plain words, the decisive one first."""
     q = quality
-    few = q.corners < MIN_CORNERS
-    if few and (q.corners < FEWEST_CORNERS or q.agreement < TRUSTED_AGREEMENT):
-        return "failed", (sentences.too_few_corners(q),)
-    if not q.agreement >= FAILED_AGREEMENT:
-        return "failed", (sentences.another_place(q),)
+    held = q.views_used >= TRUSTED_VIEWS and q.inliers >= TRUSTED_INLIERS
+    if not _sits(q, SITS_CORNERS, SITS_AREA, SITS_OFFSET_PX) or (_weak(q) and not held):
+        sentence = sentences.too_few_corners if q.corners < MIN_CORNERS else sentences.another_place
+        return "failed", (sentence(q),)
     doubts = _doubts(q)
     return ("check", tuple(doubts)) if doubts else ("trusted", sentences.trusted(q))
+
+
+def _sits(q: PoseQuality, corners: int, area: float, offset_px: float) -> bool:
+    """Whether the render sits on a part of the photo with at least so many corners in place, far more than by chance, over such
+    a share of the photo, to `offset_px`.
+    """
+    enough = q.region_corners >= max(corners, BEYOND_CHANCE * q.region_expected)
+    return enough and q.region_area >= area and _offset_px(q) <= offset_px
+
+
+def _weak(q: PoseQuality) -> bool:
+    """Whether the part that sits is no evidence by itself, but only together with the matches that hold the camera."""
+    return not (q.region_share >= WEAK_SHARE or _offset_px(q) <= WEAK_OFFSET_PX)
+
+
+def _offset_px(q: PoseQuality) -> float:
+    """The offset where the render sits, in the unit of SITS_OFFSET_PX."""
+    return q.region_offset_px_of_photo * min(1.0, OFFSET_LONG_SIDE_PX / q.photo_long_side_px)
+
+
+def sits_well(q: PoseQuality) -> bool:
+    """Whether the render sits on so much of the photo that this leaves no doubt."""
+    return _sits(q, TRUSTED_CORNERS, TRUSTED_AREA, TRUSTED_OFFSET_PX) and not _weak(q)
+
+
+def is_unsettled(verdict: Verdict, quality: PoseQuality | None) -> bool:
+    """Whether there is a camera, and a doubt about it that other views of the splat may settle: the answer may be a wrong one,
+    or too few views or matches hold it. What the photo itself lacks, or its lens, no views can mend.
+    """
+    q = quality
+    if q is None or verdict == "trusted":
+        return False
+    apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
+    return q.of != "refined" or not sits_well(q) or not apart or q.views_used < TRUSTED_VIEWS or q.inliers < TRUSTED_INLIERS
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far apart two cameras of one photo are: per cent of the median depth, degrees."""
+
+    distance_pct: float
+    degrees: float
+
+    @classmethod
+    def of(cls, one: PoseQuality, other: PoseQuality) -> Apart:
+        distance, degrees = pose_error(one.pose, other.pose)
+        return cls(100 * distance / one.median_depth, degrees)
+
+    @property
+    def is_same(self) -> bool:
+        """Whether they are no farther apart than two halves of the views of a trusted one may be."""
+        return self.distance_pct <= TRUSTED_DISAGREEMENT_PCT and self.degrees <= TRUSTED_DISAGREEMENT_DEG
 
 
 def _doubts(q: PoseQuality) -> list[str]:
@@ -115,7 +181,8 @@ def _doubts(q: PoseQuality) -> list[str]:
     apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
     checks = [
         (q.corners < MIN_CORNERS, sentences.few_corners),
-        (q.agreement < TRUSTED_AGREEMENT, sentences.fits_in_part),
+        (not sits_well(q), sentences.fits_in_part),
+        (not q.unrivalled >= TRUSTED_UNRIVALLED, sentences.repeats),
         (q.views_used < TRUSTED_VIEWS, sentences.few_views),
         (q.inliers < TRUSTED_INLIERS, sentences.few_matches),
         (not q.coverage >= TRUSTED_COVERAGE, sentences.uncovered),
@@ -140,10 +207,10 @@ def rms_px(q: PoseQuality) -> float:
 
 
 def fits_better(start: FinalView, refined: FinalView, margin: float) -> bool:
-    """Whether the start camera sits on the photo better than the refined one by `margin` (share of the corners), as far as
-    there are enough corners to tell.
+    """Whether the start camera sits on the photo better than the refined one by `margin` (share of the corners; a quarter of
+    its own where most of the photo is hidden), as far as there are enough corners to tell.
     """
-    return start.corners >= MIN_CORNERS and start.agreement > refined.agreement + margin
+    return start.corners >= MIN_CORNERS and start.agreement > refined.agreement + min(margin, start.agreement / 4)
 
 
 def _coverage(views: Sequence[ViewMatches], pinhole: Intrinsics) -> float:

@@ -6,26 +6,24 @@ same pixel. At the right pose they stay where they are; anywhere else they wande
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...features.subpixel import SubpixelAligner, normalise_locally
+from ...features.subpixel import normalise_locally
 from ...geometry.camera import Pose
 from ...render.view import ViewRenderer, sole_renderer
 from ..search.observe import grey_of
 from ..shared.corners import CornerDetector
 from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
+from .regions import FOLLOW, STAYED_PX, Pictures, Region, agreeing_region
 
 # Pixels are those of the picture that the loop works on; its long side is `RefineSettings.long_side_px`, or less where the
 # photo is smaller.
 DETECTOR = CornerDetector(count=600, quality=0.01, spacing_px=7.0)
-# A corner that moved less than this between photo and render counts as agreeing.
-STAYED_PX = 1.5
-FOLLOW = SubpixelAligner(window_px=21, max_move_px=6.0, max_return_px=0.5)
 
 
 @dataclass(frozen=True)
@@ -35,7 +33,8 @@ class FinalView:
     corners: corners of the photo over the opaque part of the render; agreement: share of them (0..1) that stay within 1.5 px;
     offset_px_of_photo: median displacement of those that could be followed, in pixels of the photo as it is (NaN when none);
     similarity: normalised cross-correlation (-1..1) of the two locally normalised images, hence free of exposure; opaque: share
-    of the render that is solid, 0..1.
+    of the render that is solid, 0..1; region: where on the photo the render sits; photo_px: how many pixels of the photo as it
+    is one pixel of the compared pictures spans.
     """
 
     corners: int
@@ -43,6 +42,8 @@ class FinalView:
     offset_px_of_photo: float
     similarity: float
     opaque: float
+    region: Region = field(default_factory=Region)
+    photo_px: float = 1.0
 
 
 def view_at(renderer: ViewRenderer, photo: WorkingPhoto, pose: Pose) -> FinalView:
@@ -64,7 +65,9 @@ def compare(photo: WorkingPhoto, grey: NDArray[np.uint8], solid: NDArray[np.bool
     moved = np.linalg.norm(places - corners, axis=1)
     agreement = float(np.mean(good & (moved < STAYED_PX)))
     offset = photo.photo_px * float(np.median(moved[good])) if good.any() else float("nan")
-    return FinalView(len(corners), agreement, offset, _correlation(photo.aligned, render, inner > 0), float(solid.mean()))
+    similar = _correlation(photo.aligned, render, inner > 0)
+    region = agreeing_region(Pictures(photo.grey, photo.aligned, render, inner))
+    return FinalView(len(corners), agreement, offset, similar, float(solid.mean()), region, photo.photo_px)
 
 
 def _correlation(a: NDArray[np.uint8], b: NDArray[np.uint8], mask: NDArray[np.bool_]) -> float:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SplatFormatError
+from ...support.words import counted
 from ..activate import SH_C0, SceneBuilder
 from ..format import Progress, SplatFormat, SplatInfo
 from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
@@ -165,7 +166,8 @@ def _plan(header: PlyHeader) -> _Plan:
     _need(chunk, bounds, "f")
     if chunk.count * CHUNK < vertex.count:
         raise SplatFormatError(
-            f"The compressed .ply has {chunk.count} chunks, too few for {vertex.count} Gaussians; export the scan again."
+            f"The compressed .ply has {counted(chunk.count, 'chunk')}, too few for "
+            f"{counted(vertex.count, 'Gaussian')}; export the scan again."
         )
     rest: tuple[str, ...] = ()
     if sh is not None:
@@ -173,7 +175,7 @@ def _plan(header: PlyHeader) -> _Plan:
         _need(sh, rest, "u1")
         if sh.count != vertex.count:
             raise SplatFormatError(
-                f"The compressed .ply has SH for {sh.count} of {vertex.count} Gaussians; export the scan again."
+                f"The compressed .ply has SH for {sh.count} of {counted(vertex.count, 'Gaussian')}; export the scan again."
             )
     at, end = _places(header)
     return _Plan(header, vertex.count, bounds, rest, at, end)

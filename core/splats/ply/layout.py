@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import SplatFormatError
 from ...geometry.conventions import Orientation
+from ...support.words import counted
 from ..activate import SceneBuilder
 from ..format import Progress, SplatInfo
 from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
@@ -64,7 +65,8 @@ def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> Gau
                     progress(builder.filled / vertex.count)
     if builder.filled < vertex.count:
         raise SplatFormatError(
-            f"The file is cut off: it holds {builder.filled} of the {vertex.count} Gaussians it promises; export it again."
+            f"The file is cut off: it holds {builder.filled} of "
+            f"{counted(vertex.count, 'Gaussian')} that it promises; export it again."
         )
     return builder.scene(layout.name, ORIENTATION)
 

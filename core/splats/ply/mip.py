@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SplatFormatError
+from ...support.words import counted
 from ..format import Progress, SplatFormat, SplatInfo
 from ..scene import Float32Array, GaussianScene
 from ..turn import turned
@@ -67,7 +68,9 @@ def write_mip(path: str | Path, scene: GaussianScene, filter_3d: NDArray[np.floa
         opacity = scene.opacities * np.sqrt(np.prod(variance / bare, axis=1))
     wrong = int((~(bare > 0).all(axis=1) | ~(opacity <= 1)).sum())
     if wrong:
-        raise SplatFormatError(f"{wrong} of {len(scene)} Gaussians are too small for their 3D filter; give smaller filters.")
+        raise SplatFormatError(
+            f"Too small for the 3D filter: {wrong} of {counted(len(scene), 'Gaussian')}; give smaller filters."
+        )
     parts = (scene.means, np.sqrt(bare).astype(np.float32), scene.rotations, opacity.astype(np.float32), scene.sh)
     plain = GaussianScene(*parts)
     column = np.asarray(filter_3d, np.float64)[:, None]

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import SplatFormatError
+from ...support.words import counted
 from ..format import Progress, SplatFormat, SplatInfo
 from ..scene import Float32Array, GaussianScene
 from ..turn import turned
@@ -57,7 +58,9 @@ def write_2dgs(path: str | Path, scene: GaussianScene, precision: Precision = "f
     scene = turned(scene, ORIENTATION)
     thick = int((scene.scales[:, 2] > MAX_THICKNESS * scene.scales[:, :2].min(axis=1)).sum())
     if thick:
-        raise SplatFormatError(f"{thick} of {len(scene)} Gaussians are not flat along their third axis; write a plain .ply.")
+        raise SplatFormatError(
+            f"Not flat along the third axis: {thick} of {counted(len(scene), 'Gaussian')}; write a plain .ply."
+        )
     write_rows(path, len(scene), property_names(scene, 2), lambda at: raw_rows(scene, at, 2), precision)
 
 

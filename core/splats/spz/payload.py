@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from ...errors import SplatFormatError
 from ...geometry.conventions import Orientation
+from ...support.words import counted
 
 zstandard: ModuleType | None
 try:
@@ -96,7 +97,8 @@ def read_spz_header(path: Path) -> SpzHeader:
             raise SplatFormatError(f"The .spz file is of version {version}; versions 1 to 4 can be read, so export it as one.")
         if count == 0 or degree >= len(REST_BY_DEGREE) or bits > MAX_FRACTIONAL_BITS:
             raise SplatFormatError(
-                f"The .spz header has {count} Gaussians, SH degree {degree} and {bits} fractional bits; it is damaged."
+                f"The .spz header has {counted(count, 'Gaussian')}, SH degree {degree} and {counted(bits, 'fractional bit')}; "
+                "it is damaged."
             )
         header = SpzHeader(version, count, degree, bits)
         return _read_table(file, header, bool(flags & HAS_EXTENSIONS), streams) if version == 4 else header
@@ -220,7 +222,8 @@ def open_payload(path: Path, header: SpzHeader) -> Iterator[Payload]:
     need, size = header.count * sum(header.widths), path.stat().st_size
     if need > max(MAX_EXPANSION * size, ALWAYS_ALLOWED):
         raise SplatFormatError(
-            f"The .spz file promises {header.count} Gaussians in {size} bytes, too many to be a scan; it is damaged."
+            f"The .spz file promises {counted(header.count, 'Gaussian')} in {counted(size, 'byte')}, too many to be "
+            "a scan; it is damaged."
         )
     errors = (EOFError, zlib.error, gzip.BadGzipFile, *((zstandard.ZstdError,) if zstandard is not None else ()))
     with open(path, "rb") as file:

@@ -89,7 +89,7 @@ def test_settings_take_the_model_of_the_choice(bpy, extension, preferences, tmp_
 
 
 def test_binary_features_run(bpy, scene):
-    assert bpy.ops.gssmc.refine(features="orb") == {"CANCELLED"}
+    assert bpy.ops.gssmc.refine(features="orb", locate=False) == {"CANCELLED"}
     assert scene.camera.data.gssmc.verdict == "FAILED"
 
 
@@ -102,7 +102,7 @@ def test_a_choice_without_its_model_is_refused(bpy, scene, preferences, tmp_path
 def test_a_network_runs_in_a_process_that_ends_with_the_job(bpy, scene, preferences, tiny_aliked):
     before = children()
     preferences.model_aliked = tiny_aliked
-    assert bpy.ops.gssmc.refine(features="aliked", iterations=1) == {"CANCELLED"}
+    assert bpy.ops.gssmc.refine(features="aliked", iterations=1, locate=False) == {"CANCELLED"}
     assert scene.camera.data.gssmc.verdict == "FAILED"
     assert "matches" in scene.camera.data.gssmc.reasons, "the network's features were used: there were enough to try"
     assert children() == before

@@ -98,6 +98,16 @@ def test_a_photo_without_a_start_comes_home_and_the_map_is_used_again(bpy, lost,
     assert len(maps(extension)) == 1
 
 
+def test_refine_camera_searches_the_scan_where_it_fails_from_its_start_and_says_so(bpy, mapped, place, extension):
+    camera = mapped.camera
+    assert bpy.ops.gssmc.refine(locate=False, **rooms.QUICK) == {"CANCELLED"}
+    assert camera.data.gssmc.verdict == "FAILED"
+    assert bpy.ops.gssmc.refine(**rooms.QUICK) == {"FINISHED"}
+    assert camera.data.gssmc.verdict == "TRUSTED", camera.data.gssmc.reasons
+    assert is_home(extension, mapped, camera, place[1][0])
+    assert "Found without the start" in camera.data.gssmc.reasons
+
+
 def by_command_line(scan):
     """The file in which the command line looks for the map of a scan's file."""
     return MapCache(read_splats(scan), MapPlace(scan, beside=False), MapSettings()).files[0]

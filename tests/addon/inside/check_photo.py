@@ -153,6 +153,24 @@ def test_a_camera_file_gives_pose_lens_and_distortion(bpy, tmp_path, splat_file)
     assert (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3) == pytest.approx((0.1, -0.05, 0.001, 0.002, 0.0))
 
 
+@pytest.mark.parametrize("splat", [True, False], ids=["beside a splat", "alone"])
+def test_a_camera_file_without_a_pose_is_a_photo_to_be_found(bpy, tmp_path, splat_file, capfd, splat):
+    """As on the command line: the lens counts where there is one, and the camera stands where it would without the file."""
+    if splat:
+        bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    photo, places = str(write_photo(tmp_path / "a.png")), []
+    add_camera(bpy).location = (1, 2, 3)
+    (tmp_path / "name.json").write_text('{"frames": ["a.png", "b.png"]}')
+    for cameras in (write_cameras(tmp_path / "lens.json", R=None, t=None), tmp_path / "name.json"):
+        assert bpy.ops.gssmc.add_photo(filepath=photo, camera="NEW", camera_file=str(cameras)) == {"FINISHED"}
+        camera = bpy.context.scene.camera
+        places.append((tuple(camera.location), camera.data.gssmc.lens_state, round(camera.data.gssmc.k1, 6)))
+    assert places == [((1, 2, 3), "CALIBRATED", 0.1), ((1, 2, 3), "GUESSED", 0.0)]
+    told = capfd.readouterr().out
+    assert "The lens is that of the camera file, which has no pose for the photo; use Find Camera." in told
+    assert "The camera file has neither pose nor lens for the photo; use Find Camera." in told
+
+
 @pytest.mark.parametrize("changes", [{"file": "elsewhere.png"}, {"width": 80}, {"R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}])
 def test_a_camera_file_that_does_not_fit_changes_nothing(bpy, tmp_path, splat_file, changes):
     bpy.ops.gssmc.import_splats(filepath=str(splat_file))

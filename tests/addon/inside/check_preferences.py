@@ -33,6 +33,17 @@ def test_a_refinement_beyond_the_memory_limit_is_refused(bpy, own, scene):
     assert scene.camera.data.gssmc.verdict == "NONE"
 
 
+def test_a_search_beyond_the_memory_limit_is_refused(bpy, own, scene, extension):
+    """A limit that a refinement keeps, and a search with the map of the scan does not."""
+    memory, objects = extension("core.render.memory"), extension("gssmc_addon.splat.object")
+    splat = next(obj for obj in scene.objects if objects.is_splat(obj))
+    threads = extension("gssmc_addon.registration.preferences").threads(bpy.context, scene.gssmc.threads)
+    least = memory.refine_bytes(len(splat.data.points), objects.sh_coefficients(splat), 10**5, threads)
+    own.memory_limit_gb = (least + 1e6) / 1e9
+    with pytest.raises(RuntimeError, match="The search would take about"):
+        bpy.ops.gssmc.find_camera()
+
+
 def test_an_import_beyond_the_memory_limit_is_refused(bpy, own, splat_file):
     own.memory_limit_gb = 0.1
     with pytest.raises(RuntimeError, match="The import would take about"):
@@ -54,7 +65,7 @@ def test_the_default_preset_fills_untouched_settings(bpy, own, splat_file):
 
 def test_the_log_file_gets_the_engines_words(bpy, own, scene, tmp_path):
     own.log_file = str(tmp_path / "log.txt")
-    bpy.ops.gssmc.refine()
+    bpy.ops.gssmc.refine(locate=False)
     assert "failed after" in (tmp_path / "log.txt").read_text()
     own.log_file = str(tmp_path / "none" / "log.txt")
     assert logging.getLogger(MODULE).handlers == []
@@ -62,7 +73,7 @@ def test_the_log_file_gets_the_engines_words(bpy, own, scene, tmp_path):
 
 def test_a_problem_is_reported_with_versions_and_the_last_record(bpy, scene, extension):
     problem = extension("gssmc_addon.support.problem")
-    bpy.ops.gssmc.refine()
+    bpy.ops.gssmc.refine(locate=False)
     text = problem.text(bpy.context)
     for words in ("GS-SMC 0.", f"Blender {bpy.app.version_string}", "Python 3.", "numpy ", "cv2 5", '"verdict": "failed"'):
         assert words in text

@@ -29,7 +29,7 @@ def refused(bpy, words):
 
 def test_a_photo_of_another_place_fails_and_moves_nothing(bpy, scene):
     before = state(scene)
-    assert bpy.ops.gssmc.refine() == {"CANCELLED"}
+    assert bpy.ops.gssmc.refine(locate=False) == {"CANCELLED"}
     assert scene.camera.data.gssmc.verdict == "FAILED"
     assert scene.camera.data.gssmc.reasons
     assert state(scene) == before
@@ -44,7 +44,7 @@ def test_blender_waits_little_for_the_interpreter_while_the_work_runs_and_no_mor
         return (yield from work(inputs))
 
     monkeypatch.setattr(extension("gssmc_addon.refine.job"), "refinement", watched)
-    bpy.ops.gssmc.refine()
+    bpy.ops.gssmc.refine(locate=False)
     assert seen[0] < 0.001 < before
     assert sys.getswitchinterval() == before
 
@@ -54,7 +54,7 @@ def test_a_start_that_looks_away_fails_or_is_refused(bpy, scene):
     bpy.context.view_layer.update()
     before = state(scene)
     try:
-        assert bpy.ops.gssmc.refine() == {"CANCELLED"}
+        assert bpy.ops.gssmc.refine(locate=False) == {"CANCELLED"}
         assert scene.camera.data.gssmc.verdict == "FAILED"
     except RuntimeError as error:
         assert "Traceback" not in str(error)
@@ -92,11 +92,11 @@ def test_with_the_photo_file_gone(bpy, scene, tmp_path):
 def test_with_a_packed_photo_the_file_is_not_needed(bpy, scene, tmp_path):
     scene.camera.data.gssmc.photo.pack()
     (tmp_path / "a.png").unlink()
-    bpy.ops.gssmc.refine()
+    bpy.ops.gssmc.refine(locate=False)
     assert scene.camera.data.gssmc.verdict == "FAILED"
 
 
-@pytest.mark.parametrize(("scale", "words"), [((1, 1, 2), "unevenly"), ((-1, 1, 1), "mirrored"), ((0, 1, 1), "unevenly")])
+@pytest.mark.parametrize(("scale", "words"), [((1, 1, 2), "unevenly"), ((-1, 1, 1), "mirrored"), ((0, 1, 1), "of zero")])
 def test_with_a_splat_that_is_not_evenly_scaled(bpy, scene, scale, words):
     scene.gssmc.splat.scale = scale
     refused(bpy, words)
@@ -227,7 +227,7 @@ def test_opening_a_file_ends_the_job(bpy, scene, extension, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     assert job.cancelled
     assert slot.active() is None
-    assert bpy.ops.gssmc.refine() == {"CANCELLED"}
+    assert bpy.ops.gssmc.refine(locate=False) == {"CANCELLED"}
     assert bpy.context.scene.camera.data.gssmc.verdict == "FAILED"
 
 

@@ -1,6 +1,8 @@
 """Whether a camera still is what it was solved to be: worked out from where it stands, said wherever verdicts are said."""
 
 import json
+import re
+from dataclasses import fields
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +22,7 @@ def apply(bpy, extension):
     evidence = {name: 1.0 for name in reports.PoseQuality.__dataclass_fields__}
     quality = reports.PoseQuality(**evidence | {"median_depth": DEPTH})
 
-    def write(verdict="trusted", lens="solved", camera=None, focal=80.0):
+    def write(verdict="trusted", lens="solved", camera=None, focal=80.0, quality=quality, reasons=("It sits.",)):
         scene = bpy.context.scene
         camera = camera or scene.camera
         found = engine.Camera(
@@ -30,7 +32,7 @@ def apply(bpy, extension):
         start = extension("gssmc_addon.camera.bridge").read_camera(scene, camera, scene.gssmc.splat).at_size(60, 90)
         end = start if verdict == "failed" else found
         numbers = (reports.LensNumber("focal", lens, focal, 0.1),)
-        report = reports.RefineReport(end, start, verdict, ("It sits.",), (), 3.0, quality, "joint", numbers)
+        report = reports.RefineReport(end, start, verdict, reasons, (), 3.0, quality, "joint", numbers)
         photo = extension("gssmc_addon.photo.image").camera_photo(camera)
         jobs.apply_report(jobs.Targets.of(scene, scene.gssmc.splat, camera, photo), report)
         bpy.context.view_layer.update()
@@ -143,6 +145,23 @@ def test_a_constraint_or_an_uneven_parent_refuses_the_way_back(bpy, solved, now)
     solved.constraints.new("TRACK_TO").target = bpy.context.scene.gssmc.splat
     with pytest.raises(RuntimeError, match="Track To"):
         bpy.ops.gssmc.back_to_solution()
+
+
+@pytest.mark.parametrize("figure", [np.nan, np.inf])
+def test_a_figure_that_nobody_knows_reaches_nobody(bpy, extension, scene, apply, now, tmp_path, capfd, figure):
+    """Every figure of the evidence is unknown, or without a bound: in the panel, the report, an export and Report a Problem."""
+    reports, judge = extension("core.pose.report"), extension("core.pose.verdict.verdict").judge
+    details = extension("core.pose.verdict.sentences").details
+    kinds = {field.name: field.type for field in fields(reports.PoseQuality)}
+    evidence = {name: figure if kind == "float" else 100 for name, kind in kinds.items()}
+    quality = reports.PoseQuality(**evidence | {"of": "refined", "pose": extension("core.geometry.camera").Pose()})
+    for verdict in ("failed", "check"):
+        apply(verdict, quality=quality, reasons=(*judge(quality)[1], *details(quality)))
+        shown = drawn(bpy, extension)
+        problem = extension("gssmc_addon.support.problem").text(bpy.context)
+        for text in (shown, problem, capfd.readouterr().out, scene.camera.data.gssmc.solution, scene.camera.data.gssmc.reasons):
+            assert not re.search(r"\b(nan|NaN|inf|Infinity)\b", str(text)), text
+    assert now() == ("CHECK", "")
 
 
 def test_another_photo_is_said_and_the_solved_one_comes_back(bpy, extension, solved, now, tmp_path):
@@ -278,6 +297,15 @@ def test_a_new_photo_for_the_camera_forgets_the_solution(bpy, solved, now, tmp_p
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "b.png")), camera="SCENE")
     assert now() == ("NONE", "")
     assert not bpy.ops.gssmc.back_to_solution.poll()
+
+
+def test_without_its_camera_the_way_back_says_what_to_do(bpy, scene, solved, tmp_path):
+    bpy.data.objects.remove(solved)
+    with pytest.raises(RuntimeError, match="The scene has no camera; undo its removal, or pick another photo on the list"):
+        bpy.ops.gssmc.back_to_solution()
+    bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "b.png")), camera="NEW")
+    with pytest.raises(RuntimeError, match="was never solved; use Find Camera or Refine Camera"):
+        bpy.ops.gssmc.back_to_solution()
 
 
 @pytest.mark.parametrize("record", ["{", "[]", "{}", '{"fx": 1}', "7"])

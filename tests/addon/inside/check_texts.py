@@ -17,7 +17,8 @@ GERMAN = {
     "{verdict}: {count} iterations, {seconds:.1f} s": "{seconds:.0f} s, {count} Runden: {verdict}",
     "Check": "Prüfen",
     "Find Camera looks for it in the scan; Refine Camera starts from where the camera stands.": "Kamera finden lassen.",
-    "The work broke off ({kind}); the system console has the details.": "Abgebrochen: {kind}.",
+    "The work broke off through a fault of the extension; the system console has the details.": "Abgebrochen.",
+    "The work broke off ({reason}).": "Abgebrochen: {reason}.",
     "Every Gaussian of the splat object holds a value that is not finite; import the file again.": "Nichts Endliches.",
     "Look through the camera of the next photo of the list": "Zum nächsten Foto",
 }
@@ -67,7 +68,11 @@ def test_a_tooltip_is_translated(bpy, extension, german):
 
 def test_a_threads_errors_are_translated_in_the_main_thread(bpy, extension, german):
     failure, errors = extension("gssmc_addon.jobs.worker").Failure, extension("core.errors")
-    assert failure(OverflowError("deep inside")).message == "Abgebrochen: OverflowError."
+    assert failure(OverflowError("deep inside")).message == "Abgebrochen."
+    assert failure(OSError(28, "No space left on device")).message == "Abgebrochen: No space left on device."
+    assert failure(OSError(5, "Input/output error", "a.ply")).message == (
+        "The work broke off, for 'a.ply' cannot be used (Input/output error)."
+    )
     whole = next(text for text in GERMAN if text.startswith("Every Gaussian"))
     assert failure(errors.SplatFormatError(whole)).message == "Nichts Endliches."
     assert failure(errors.SplatFormatError("What the engine says of {x}.")).message == "What the engine says of {x}."

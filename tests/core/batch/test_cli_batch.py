@@ -67,7 +67,10 @@ def test_results_in_order_one_bad_photo_alone_and_a_second_run_that_resumes(plac
     assert batch(place, file, out) == 3
     first = frames(out)
     assert [f["file"] for f in first] == ["photo_0.png", "broken.jpg", "photo_2.png", "missing.png", "photo_1.png"]
-    assert "1 failed" not in capsys.readouterr().out.split(";")[0]  # two of them
+    captured = capsys.readouterr()
+    assert " 0 failed, 2 not usable; results in" in captured.out
+    assert "'broken.jpg' could not be used: The photo 'broken.jpg' cannot be decoded" in captured.err
+    assert "'missing.png' could not be used: There is no photo at" in captured.err
     for k, words in ((1, "cannot be decoded"), (3, "There is no photo at")):
         assert first[k]["verdict"] == "failed"
         assert words in first[k]["reasons"][0]
@@ -244,6 +247,10 @@ def test_scene_that_breaks_in_the_worker_is_one_sentence(place, tmp_path, capsys
     assert not (tmp_path / "r.json").exists()
 
 
-def test_query_without_a_photo_is_named(place, tmp_path, capsys):
-    assert main(["batch", str(place.scene), queries(place, "photo_0.png", ""), "--out", str(tmp_path / "r.json")]) == 2
-    assert "Camera 2 of" in capsys.readouterr().err
+def test_a_query_without_a_photo_is_named_and_fails_alone(place, tmp_path, capsys):
+    out = tmp_path / "r.json"
+    assert batch(place, queries(place, "photo_0.png", ""), out, "--workers", "1") == 3
+    assert "Camera 2 of 'queries_2.json' names no photo" in capsys.readouterr().err
+    assert [("error" in frame, frame["t"] is None) for frame in frames(out)] == [(False, False), (True, False)]
+    assert batch(place, queries(place, ""), tmp_path / "none.json") == 2  # there is nothing to be done
+    assert "names no photo" in capsys.readouterr().err

@@ -89,9 +89,13 @@ def test_every_kind_of_record_gets_its_answer_and_one_bad_one_ends_nothing(place
         assert found[k]["hypothesis"]["inliers"] >= 25
     assert "searched for without it" in found[3]["reasons"][-1]
     assert not [f for f in found if rounds.TO_FIND in f]
+    for k in (0, 6):
+        assert not {"width", "height", "fx", "fy"} & set(found[k])  # nobody knows the lens of a photo that cannot be read
     captured = capsys.readouterr()
-    assert "3 of 7 photos had no start and were not found" in captured.err
-    assert "3 failed; results in" in captured.out
+    assert "1 of 7 photos had no start and was not found, so it has no pose." in captured.err
+    assert "1 failed, 2 not usable; results in" in captured.out
+    assert "'other.png' failed: No place in the scan matches" in captured.err
+    assert "'missing.png' could not be used: There is no photo at" in captured.err
     assert [line.split()[0] for line in poses.read_text().splitlines()] == [found[k]["file"] for k in (1, 2, 3, 4)]
 
     hurt_readers(tmp_path / "hook", monkeypatch)  # counts the workers of the second run
@@ -108,6 +112,16 @@ def test_without_the_search_a_photo_needs_a_start_and_keeps_it(place, tmp_path, 
     error = capsys.readouterr().err
     assert "Camera 1 of 'names.json' has no R and t" in error
     assert error.count("\n") == 1
+    bad = [{"R": None, "t": [0, 0, 1]}, {"file": 7}, 7]
+    some = put(place, "some.json", [lens_only(place.truths[0]), camera_to_dict(place.starts[1]), *bad])
+    assert batch(place, some, tmp_path / "some.json", "--no-locate") == 3
+    records, captured = frames(tmp_path / "some.json"), capsys.readouterr()
+    assert [record["verdict"] == "failed" for record in records] == [True, False, True, True, True]
+    assert records[0]["error"] == "Camera 1 of 'some.json' has no R and t; give a start, or leave out --no-locate."
+    assert {name: records[0][name] for name in lens_only(place.truths[0])} == lens_only(place.truths[0])
+    assert "4 not usable; results in" in captured.out
+    for record in (records[0], *records[2:]):
+        assert record["error"] in captured.err
     far = put(place, "far.json", [camera_to_dict(lost(place.starts[0]))])
     assert batch(place, far, tmp_path / "r.json", "--no-locate") == 3
     (kept,) = frames(tmp_path / "r.json")
@@ -115,6 +129,24 @@ def test_without_the_search_a_photo_needs_a_start_and_keeps_it(place, tmp_path, 
     assert "hypothesis" not in kept
     assert batch(place, far, tmp_path / "r.json", *VIEWS) == 0  # another question, so that it is answered anew
     assert near(frames(tmp_path / "r.json")[0], place.truths[0])
+
+
+def test_a_start_without_lens_whose_photo_cannot_be_read_gets_none(place, tmp_path, capsys):
+    """Its record holds what was given, and can be given again; of many such photos the terminal names ten."""
+    pose = {name: camera_to_dict(place.starts[0])[name] for name in ("R", "t")}
+    file = put(place, "gone.json", [{"file": f"gone_{k}\0.jpg" if k == 3 else f"gone_{k}.jpg", **pose} for k in range(13)])
+    out, poses = tmp_path / "r.json", tmp_path / "poses.txt"
+    assert batch(place, file, out, "--poses", poses) == 3
+    records, captured = frames(out), capsys.readouterr()
+    assert "13 not usable" in captured.out
+    assert captured.err.count("could not be used") == 9
+    assert f"... and 3 more in '{out}'." in captured.err
+    assert "Camera 4 of 'gone.json' names no photo" in captured.err
+    assert not [record for record in records if "width" in record or "fx" in record]
+    np.testing.assert_allclose(records[0]["R"], pose["R"])
+    assert records[0]["t"] == pose["t"]
+    assert poses.read_text() == ""
+    assert batch(place, out, tmp_path / "again.json") == 3
 
 
 def test_a_batch_interrupted_before_the_search_searches_the_next_time(place, tmp_path, capsys, monkeypatch):
@@ -133,7 +165,7 @@ def test_a_batch_interrupted_before_the_search_searches_the_next_time(place, tmp
     capsys.readouterr()
     hurt_readers(tmp_path / "hook", monkeypatch)
     assert batch(place, file, out, *VIEWS) == 0
-    assert "1 of 2 photos were finished before" in capsys.readouterr().err
+    assert "1 of 2 photos was finished before" in capsys.readouterr().err
     second = frames(out)
     assert second[1] == first[1]
     assert near(second[0], place.truths[0])

@@ -57,4 +57,4 @@ def test_photos_share_their_lens_and_get_their_own_back_without_refining(place, 
         for some in (own, shared)
     ]
     assert np.linalg.norm(errors[1]) < 1.5 * np.linalg.norm(errors[0])
-    assert f"{shared[0]['t'][0]:.4g}" in (tmp_path / "p.txt").read_text()
+    assert str(shared[0]["t"][0])[:12] in (tmp_path / "p.txt").read_text()

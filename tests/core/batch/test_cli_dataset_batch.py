@@ -96,7 +96,7 @@ def test_cambridge_folder_needs_a_focal_length_and_takes_it(place, tmp_path, cap
     assert batch(place, *argv) == 2
     assert "give the focal length in pixels with --focal" in capsys.readouterr().err
     assert batch(place, *argv, "--focal", 525 / 4, "--no-locate") == 0
-    assert "1 of 3 test photos have no start pose in 's.txt' and are left out." in capsys.readouterr().err
+    assert "'s.txt' has no start pose for 1 of 3 test photos; without one, a photo is left out." in capsys.readouterr().err
     found = datasets.read(tmp_path / "p.txt")
     assert found.names == [f"seq2/frame{k:06d}.png" for k in (1, 2)]
     for frame, k in zip(found.frames, (1, 2), strict=True):
@@ -122,7 +122,7 @@ def test_photos_that_the_start_file_lacks_are_searched_for(place, tmp_path, caps
     pose_list.write(starts, [(f"Town/seq2/frame{k:06d}.png", place.starts[k].pose) for k in (2, 1)])
     argv = ["--start", starts, "--focal", 525 / 4, "--cameras", known, "--views", "3", "--map", tmp_path / "m.gssmc-map"]
     assert batch(place, place.town, *argv, "--out", tmp_path / "r.json") == 0
-    assert "1 of 3 test photos have no start pose in 's.txt' and are searched for without one." in capsys.readouterr().err
+    assert "'s.txt' has no start pose for 1 of 3 test photos; without one, a photo is searched for." in capsys.readouterr().err
     records = json.loads((tmp_path / "r.json").read_text())["frames"]
     assert ["hypothesis" in record for record in records] == [True, False, False]
 
@@ -173,7 +173,7 @@ def mistakes(place, tmp):
         "a folder of something else": ([tmp / "notes", *start], "is no folder of poses"),
         "a model without photos": ([_colmap(tmp), *start], "no folder that photos can be taken from"),
         "focal length of nothing": ([place.rooms, *start, "--focal", "0"], "--focal is 0"),
-        "focal length that is none": ([place.rooms, *start, "--focal", "nan"], "--focal is nan"),
+        "focal length that is none": ([place.rooms, *start, "--focal", "nan"], "--focal: 'nan' is no number"),
         "starts beside a list": ([queries, *start], "--start goes with a data set's folder"),
         "focal length beside a list": ([queries, "--focal", "5"], "--focal goes with a data set's folder"),
         "names with blanks": ([queries, "--poses", tmp / "p.txt"], "'a b0.png' cannot stand in a pose list"),

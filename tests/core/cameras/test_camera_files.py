@@ -77,21 +77,24 @@ def test_round_trip_is_exact(tmp_path, count):
 BAD = {
     "no R": ({k: v for k, v in GOOD.items() if k != "R"}, "lacks R;"),
     "no lens": ({k: v for k, v in GOOD.items() if k not in ("fx", "cy")}, "lacks fx, cy;"),
-    "text for a number": (GOOD | {"fx": "500"}, "has a fx that is not a number"),
-    "null": (GOOD | {"cx": None}, "has a cx that is not a number"),
-    "yes for a number": (GOOD | {"cx": True}, "has a cx that is not a number"),
-    "half a pixel": (GOOD | {"width": 640.5}, "width of 640.5 pixels"),
+    "text for a number": (GOOD | {"fx": "500"}, 'has the entry "fx", which is not a number'),
+    "null": (GOOD | {"cx": None}, 'has the entry "cx", which is not a number'),
+    "yes for a number": (GOOD | {"cx": True}, 'has the entry "cx", which is not a number'),
+    "half a pixel": (GOOD | {"width": 640.5}, 'the entry "width" of 640.5 pixels'),
+    "a strip": (GOOD | {"width": 1_000_000, "height": 1}, "1000000 x 1 pixels; the long side may be at most 100 times"),
+    "a thread": (GOOD | {"width": 3, "height": 303}, "3 x 303 pixels; the long side may be at most 100 times"),
+    "no photo's size": (GOOD | {"width": 30_000, "height": 30_000}, "30000 x 30000 pixels; at most 400 megapixels"),
     "no pixels": (GOOD | {"height": 0}, "640 x 0 pixels"),
     "no focal length": (GOOD | {"fy": -1}, "must be positive"),
-    "t of 2": (GOOD | {"t": [1, 2]}, "t that is not 3 numbers"),
-    "ragged R": (GOOD | {"R": [[1, 0], [0, 1, 0], [0, 0, 1]]}, "R that is not 3 rows"),
-    "flat R": (GOOD | {"R": [1, 0, 0, 0, 1, 0, 0, 0, 1]}, "R that is not 3 rows"),
+    "t of 2": (GOOD | {"t": [1, 2]}, '"t", which is not 3 numbers'),
+    "ragged R": (GOOD | {"R": [[1, 0], [0, 1, 0], [0, 0, 1]]}, '"R", which is not 3 rows'),
+    "flat R": (GOOD | {"R": [1, 0, 0, 0, 1, 0, 0, 0, 1]}, '"R", which is not 3 rows'),
     "mirror": (GOOD | {"R": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "is not a rotation"),
     "scaled": (GOOD | {"R": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]}, "is not a rotation"),
     "six dist": (GOOD | {"dist": [0.1] * 6}, "6 distortion values"),
-    "nested dist": (GOOD | {"dist": [[0.1]]}, "dist that is not a list of numbers"),
-    "dist of words": (GOOD | {"dist": ["a"]}, "dist that is not a list of numbers"),
-    "number for a file": (GOOD | {"file": 7}, "file that is not text"),
+    "nested dist": (GOOD | {"dist": [[0.1]]}, '"dist", which is not a list of numbers'),
+    "dist of words": (GOOD | {"dist": ["a"]}, '"dist", which is not a list of numbers'),
+    "number for a file": (GOOD | {"file": 7}, '"file", which is not text'),
     "no camera": (7, "is not a JSON object"),
 }
 
@@ -107,7 +110,7 @@ def test_bad_camera_is_named_with_what_is_wrong(put, case):
 
 @pytest.mark.parametrize("word", ["NaN", "Infinity", "1e999"])
 def test_numbers_that_are_not_finite(put, word):
-    with pytest.raises(CameraError, match="t that is not 3 numbers"):
+    with pytest.raises(CameraError, match='"t", which is not 3 numbers'):
         read_cameras(put(json.dumps(GOOD).replace("[1, 2, 3]", f"[1, {word}, 3]")))
 
 

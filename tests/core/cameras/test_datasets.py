@@ -145,6 +145,8 @@ def test_nerf_with_a_field_of_view_only(tmp_path):
     data = {"camera_angle_x": np.pi / 2, "w": 640, "h": 480, "cx": 320, "cy": 240, "frames": [frame]}
     poses = one(put(tmp_path / "transforms_train.json", json.dumps(data)), "nerfstudio", "./train/r_0")
     assert poses.frames[0].intrinsics.fx == pytest.approx(320)
+    data["w"], data["h"] = 1_000_000, 1  # no photo has that shape
+    assert one(put(tmp_path / "strip.json", json.dumps(data)), "nerfstudio", "./train/r_0").frames[0].intrinsics is None
     del data["w"]
     assert one(put(tmp_path / "bare.json", json.dumps(data)), "nerfstudio", "./train/r_0").frames[0].intrinsics is None
 

@@ -110,6 +110,7 @@ CAMERAS = {
     "numbers alone": ("1 640 480 500 500 1 2\n", "is no camera"),
     "word": ("1 PINHOLE 640 480 500 x 1 2\n", "no usable number"),
     "no focal length": ("1 PINHOLE 640 480 0 500 1 2\n", "both must be positive"),
+    "no photo's shape": ("1 PINHOLE 1000000 1 500 500 1 2\n", "at most 100 times the short one"),
 }
 
 

@@ -1,6 +1,8 @@
 """The command line as a user meets it: files in, files out, exit codes, and one sentence for every mistake."""
 
+import argparse
 import json
+import re
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -15,6 +17,7 @@ from core.cameras.files import camera_from_dict
 from core.cli.commands.render import output_names
 from core.cli.flags import settings_from
 from core.cli.main import build_parser, main
+from core.errors import UsageError
 from core.features.registry import EXTRACTORS, MATCHERS
 from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
 from core.pose.settings import RefineSettings
@@ -171,6 +174,28 @@ def test_flags_are_the_settings(capsys):
         assert field.name.replace("_", "-") in text
 
 
+def documented():
+    """Command to its options, as the block at the head of docs/command_line.md has them; MAP and OPTIONS stand for several."""
+    page = (Path(__file__).parents[3] / "docs" / "command_line.md").read_text(encoding="utf-8")
+    block = page.partition("```\n")[2].partition("```\n")[0]
+    groups, commands = {}, {}
+    for name, text in re.findall(r"^([A-Z]+): (.+(?:\n .+)*)", block, re.MULTILINE):
+        groups[f"[{name}]"] = text
+    for name, text in re.findall(r"^python -m core (\w+) (.+(?:\n .+)*)", block, re.MULTILINE):
+        whole = re.sub(r"\[[A-Z]+\]", lambda match: groups.get(match[0], match[0]), text)
+        commands[name] = sorted(re.findall(r"--[a-z-]+", whole))
+    return commands
+
+
+def test_the_page_of_the_command_line_has_every_option_of_every_command():
+    subparsers = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
+    options = {
+        name: sorted(o for action in parser._actions for o in action.option_strings if o not in ("-h", "--help"))
+        for name, parser in subparsers.choices.items()
+    }
+    assert documented() == options
+
+
 def test_a_caller_may_add_options_and_gets_the_outcome(place, tmp_path, capsys):
     seen = []
     file = place.json(tmp_path / "cam.json", [replace(place.truths[0], intrinsics=Intrinsics(8, 6, 5, 5, 4, 3))])
@@ -257,6 +282,9 @@ def mistakes(place, tmp):
         "features without a model": ([*refine, "--features", "aliked"], "ALIKED needs a model file"),
         "model that is not there": ([*refine, "--features", "aliked", "--model", tmp / "no.onnx"], "There is no model file at"),
         "model that is none": ([*refine, "--features", "aliked", "--model", tmp / "text.jpg"], "'text.jpg' does not work"),
+        "model for SIFT": ([*refine, "--model", tmp / "text.jpg"], "SIFT needs no model file, and 'text.jpg' is given"),
+        "model for ORB": ([*refine, "--features", "orb", "--model", tmp / "no.onnx"], "ORB needs no model file"),
+        "model of no matcher": ([*refine, "--matcher-model", tmp / "text.jpg"], "Nearest needs no model file"),
         "missing scene": (["refine", tmp / "no.ply", photo, "--camera", cam], "There is no splat file at"),
         "mesh": (["refine", tmp / "mesh.ply", photo, "--camera", cam], "holds a mesh"),
         "missing photo": (["refine", scene, tmp / "no.jpg", "--camera", cam], "There is no photo at"),
@@ -283,6 +311,25 @@ def test_every_mistake_gets_exit_2_and_one_sentence(place, tmp_path, capsys):
         assert out == ""
         assert words in one_sentence(err), err
         assert not (tmp_path / "out").exists(), argv
+
+
+def test_every_number_is_asked_for_in_one_sentence():
+    """Of every command's options; Python takes "nan" for a number."""
+    subparsers = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction))
+    checked = set()
+    for name, parser in subparsers.choices.items():
+        for action in parser._actions:
+            value = action.type("3") if action.option_strings and action.type else None
+            if not isinstance(value, int | float):
+                continue
+            kind = "whole number" if isinstance(value, int) else "number"
+            for text in ("x", "nan", "inf", "", "1e999", "-inf"):
+                with pytest.raises(UsageError) as caught:
+                    parser.parse_args([f"{action.option_strings[0]}={text}"])
+                assert str(caught.value).startswith(f"{action.option_strings[0]}: '{text}' is no {kind}; give one, such as ")
+                assert str(caught.value).endswith(f"; see 'python -m core {name} --help'.")
+            checked.add((name, action.option_strings[0]))
+    assert {("batch", "--focal"), ("batch", "--workers"), ("map", "--views"), ("render", "--near")} < checked
 
 
 def test_a_folder_that_cannot_be_written_to_is_named(place, tmp_path, capsys):

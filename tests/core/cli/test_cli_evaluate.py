@@ -52,7 +52,7 @@ def test_missing_queries_are_infinitely_wrong_and_told(tmp_path, capsys):
     assert code == 0
     assert "| 3 | 2 | inf / inf | inf / inf | 33.3 |" in out
     assert "2 of 3 photos" in err
-    assert "1 of 2 poses in 'e.txt' are of no photo" in err
+    assert "has no photo for 1 of 2 poses in 'e.txt', which does not count." in err
     found = report(capsys, "--truth", truth, "--estimate", estimate)
     assert found["median_translation"] is None
     assert found["recall"]["5m10"] == pytest.approx(100 / 3)

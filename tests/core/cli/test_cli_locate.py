@@ -12,7 +12,9 @@ from cli_place import FAST, SIZE, Place
 from core.cameras.files import camera_from_dict
 from core.cli.main import main
 from core.geometry.camera import Pose, pose_error
-from core.locate import cache
+from core.locate import cache, find
+from core.pose.report import RefineProgress, RefineReport
+from core.pose.search.loop import TOO_FEW
 from core.splats.ply.reader import write_ply
 from core.synthetic import make_scene
 
@@ -106,6 +108,22 @@ def test_a_photo_of_another_place_is_not_found_and_gets_no_pose(place, tmp_path,
     assert json.loads(again)["reasons"] == result["reasons"]
 
 
+def test_a_place_that_is_refined_in_vain_leaves_no_start_and_no_advice_about_one(place, capsys, monkeypatch):
+    def in_vain(renderer, photo, start, settings):
+        yield RefineProgress(1, 1, "matching", 0.5)
+        return RefineReport(start, start, "failed", (TOO_FEW,), (), 0.1)
+
+    monkeypatch.setattr(find, "iterate_refinement", in_vain)
+    code, out, _ = run(capsys, "locate", place.scene, place.folder / "photo_1.png", *VIEWS, *FAST)
+    result = json.loads(out)
+    assert (code, result["verdict"], result["R"], result["start"]) == (3, "failed", None, None)
+    assert result["hypothesis"]["inliers"] > 0
+    assert result["reasons"] == [
+        "Too few matches between the photo and the splat: the photo may show another place; try more views of the scan, known "
+        "cameras, or another photo."
+    ]
+
+
 @pytest.mark.parametrize("camera", [None, '{"frames": ["photo_2.png"]}', '{"file": "a/photo_2.png", "R": null, "t": null}'])
 def test_refine_without_a_pose_finds_the_photo(place, tmp_path, capsys, camera):
     argv = [place.scene, place.folder / "photo_2.png", *VIEWS, *FAST]
@@ -185,13 +203,28 @@ def test_a_map_is_kept_where_it_is_told(place, tmp_path, capsys, monkeypatch):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["home", "in", "s.ply"]
 
 
-def test_a_map_that_cannot_be_written_is_one_sentence(place, tmp_path, capsys):
+def test_a_map_that_cannot_be_written_is_one_sentence_before_any_view(place, tmp_path, capsys, builds, monkeypatch):
     (tmp_path / "file").write_text("")
-    code, out, err = run(
-        capsys, "map", place.scene, "--cameras", place.known, *VIEWS, "--map", tmp_path / "file" / "m.gssmc-map"
-    )
+    code, out, err = run(capsys, "map", place.scene, *VIEWS, "--map", tmp_path / "file" / "m.gssmc-map")
+    assert (code, out, builds) == (2, "", [])
+    assert err.startswith("The map cannot be written to") and err.count("\n") == 1
+    assert err.strip().endswith("give another file with --map.")
+    monkeypatch.setattr(cache, "user_cache_folder", lambda: tmp_path / "file" / "gssmc")
+    assert run(capsys, "map", place.scene, *VIEWS, "--map-cache", "user")[0] == 2
+    assert builds == []
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
+
+
+def test_a_map_that_cannot_be_kept_in_the_end_is_told_once(place, tmp_path, capsys, monkeypatch, caplog):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(cache, "write_map", full)
+    monkeypatch.setattr(cache, "SAVE_EVERY", 1)
+    code, out, err = run(capsys, "map", place.scene, "--cameras", place.known, *VIEWS, "--map", tmp_path / "m.gssmc-map")
     assert (code, out) == (2, "")
-    assert err.strip().splitlines()[-1].startswith("The map cannot be written to")
+    assert caplog.text.count("cannot be written") == 1
+    assert err.strip().splitlines()[-1] == "The map was made and could not be kept; make room, or give another file with --map."
 
 
 def test_ctrl_c_keeps_the_smaller_map_and_says_so(place, tmp_path, capsys, monkeypatch, builds):
@@ -234,7 +267,7 @@ def test_known_cameras_of_another_world_are_told(place, tmp_path, capsys):
     far = place.json(tmp_path / "far.json", [place.truths[0], *(lost(c) for c in place.truths[1:])])
     code, _, err = run(capsys, "map", place.scene, "--cameras", far, *VIEWS, "--map", tmp_path / "m.gssmc-map")
     assert code == 0
-    assert "2 of the 3 known cameras see nothing of the scan" in err
+    assert "2 of 3 known cameras see nothing of the scan" in err
 
 
 def test_only_trusted_results_count_as_known(place, tmp_path, capsys):
@@ -246,7 +279,7 @@ def test_only_trusted_results_count_as_known(place, tmp_path, capsys):
     known = ["--cameras", tmp_path / "results.json", "--views", "2", "--map", tmp_path / "m.gssmc-map"]
     code, out, err = run(capsys, "map", place.scene, *known)
     assert code == 0
-    assert "of the 2 cameras in" in err
+    assert "of 2 cameras in" in err
     assert out.startswith("2 views, 2 of them from known cameras")
 
 
@@ -258,3 +291,27 @@ def test_a_result_goes_neither_over_the_scans_map_nor_into_a_folder(place, capsy
         code, _, err = run(capsys, command, place.scene, place.folder / "photo_0.png", "--out", out)
         assert (code, said in err) == (2, True), err
     assert place.map.read_bytes() == before
+
+
+def test_cameras_beside_the_scan_are_taken_and_said_and_can_be_left_out(place, tmp_path, capsys, monkeypatch):
+    scan = tmp_path / "scene.ply"
+    shutil.copy(place.scene, scan)
+    records = [
+        {"img_name": c.file, "position": c.pose.centre.tolist(), "rotation": c.pose.R.T.tolist(), "width": SIZE[0],
+         "height": SIZE[1], "fx": c.intrinsics.fx, "fy": c.intrinsics.fy}
+        for c in place.truths
+    ]  # fmt: skip
+    (tmp_path / "cameras.json").write_text(json.dumps(records))
+    known = []
+
+    def build(scene, settings, cameras, key, begun):
+        known.append([camera.file for camera in cameras])
+        yield cache.MapStep(cache.LandmarkMap(key, complete=True), "the map is complete", 1.0)
+
+    monkeypatch.setattr(cache, "build_map", build)
+    code, _, err = run(capsys, "map", scan, *VIEWS)
+    assert (code, known) == (0, [[c.file for c in place.truths]])
+    assert "Known cameras read from" in err
+    code, _, err = run(capsys, "map", scan, "--cameras", "none", *VIEWS, "--map", tmp_path / "plain.gssmc-map")
+    assert (code, known[1]) == (0, [])
+    assert "Known cameras" not in err

@@ -81,7 +81,7 @@ def test_convert_onto_itself(files, capsys):
 
 def test_demo_in_a_folder_with_files_of_its_names(files, capsys):
     (files / "photo.jpg").write_bytes((files / "photo_0.png").read_bytes())
-    assert "has a photo.jpg that is no demo's" in refused(files, capsys, "demo", "--out", files)
+    assert "has the file 'photo.jpg', which no demo wrote" in refused(files, capsys, "demo", "--out", files)
 
 
 # ---- the near plane
@@ -104,7 +104,10 @@ def test_render_draws_what_a_refinement_sees(place, tmp_path):
     assert cv2.imread(str(tmp_path / "far" / "photo_0.png")).max() == 0  # all of it is nearer
 
 
-@pytest.mark.parametrize("near", ["0", "-1", "nan", "inf"])
+NEAR = {"0": "--near is 0", "-1": "--near is -1", "nan": "--near: 'nan' is no number", "inf": "--near: 'inf' is no number"}
+
+
+@pytest.mark.parametrize("near", NEAR)
 def test_a_near_plane_that_is_none_is_refused(files, capsys, near):
     said = refused(files, capsys, "render", files / "scene.ply", files / "cam.json", files / "sub", "--near", near)
-    assert said.startswith(f"--near is {near}")
+    assert said.startswith(NEAR[near])

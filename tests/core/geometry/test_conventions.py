@@ -122,7 +122,8 @@ def test_scale_of_the_camera_itself_is_ignored():
         (affine(np.diag([1.0, 1.0, 1.1])), "unevenly"),
         (affine([[1, 0.2, 0], [0, 1, 0], [0, 0, 1]]), "unevenly"),
         (affine(np.diag([-1.0, 1.0, 1.0])), "mirrored"),
-        (affine(np.zeros((3, 3))), "unevenly"),
+        (affine(np.zeros((3, 3))), "has a scale of zero"),
+        (affine(np.diag([1.0, 0.0, 1.0])), "has a scale of zero"),
         (affine(np.eye(3), (np.nan, 0, 0)), "finite"),
     ],
 )
@@ -131,10 +132,18 @@ def test_what_is_no_similarity_is_refused(matrix, words):
         Similarity.from_matrix(matrix)
 
 
-@pytest.mark.parametrize("linear", [[[1, 0.3, 0], [0, 1, 0], [0, 0, 1]], np.diag([1.0, -1.0, 1.0]), np.zeros((3, 3))])
-def test_a_camera_bent_by_its_parent_is_refused(linear):
-    with pytest.raises(CameraError):
-        conventions.pose_from_blender(affine(linear), Similarity.from_matrix(np.eye(4)))
+@pytest.mark.parametrize(
+    ("matrix", "words"),
+    [
+        (affine([[1, 0.3, 0], [0, 1, 0], [0, 0, 1]]), "sheared or mirrored"),
+        (affine(np.diag([1.0, -1.0, 1.0])), "sheared or mirrored"),
+        (affine(np.zeros((3, 3))), "has a scale of zero; give both a scale above zero"),
+        (affine(np.eye(3), (np.nan, 0, 0)), "is no finite number; clear its transform"),  # its scale has no fault
+    ],
+)
+def test_a_camera_bent_by_its_parent_is_refused(matrix, words):
+    with pytest.raises(CameraError, match=words):
+        conventions.pose_from_blender(matrix, Similarity.from_matrix(np.eye(4)))
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,9 @@ import pytest
 from core.errors import RefineError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.locate import LandmarkMap, MapFileError, MapSettings, MapView, map_key, read_map, scan_digest, write_map
+from core.locate.viewpoints.candidates import Viewpoint
+from core.locate.viewpoints.explore import Exploration
+from core.locate.viewpoints.scout import Sight
 from core.synthetic.room import make_scene
 
 KEY = "0123abcd"
@@ -36,6 +39,78 @@ def test_a_map_comes_back_as_it_was(tmp_path):
         assert (a.points == b.points).all()
         assert (a.descriptors == b.descriptors).all()
         assert (a.depth, a.known) == (b.depth, b.known)
+
+
+def searched():
+    """A map whose making stopped, with all that its search knew."""
+    rng = np.random.default_rng(2)
+
+    def sight(proven):
+        n = int(rng.integers(0, 6))
+        viewpoint = Viewpoint(rng.normal(size=3), rng.normal(size=3), 1.5)
+        points, weight = rng.normal(size=(n, 3)), rng.uniform(size=n)
+        return Sight(viewpoint, 2.0, points.astype(np.float32), weight.astype(np.float32), proven)
+
+    ahead = tuple(Viewpoint(rng.normal(size=3), rng.normal(size=3), 1.0) for _ in range(4))
+    pool, taken = (sight(False), sight(True)), (sight(True), sight(True), sight(True))
+    search = Exploration(120.0, ahead, dict(rng.bit_generator.state), pool, taken, 0.1, (3.0, 2.5))
+    return replace(made(), complete=False, search=search)
+
+
+def test_the_search_for_viewpoints_comes_back_as_it_was(tmp_path):
+    whole = searched()
+    write_map(tmp_path / "part.map", whole)
+    a, b = whole.search, read_map(tmp_path / "part.map", KEY).search
+    assert (a.ratio, a.voxel, a.proof, a.rng) == (b.ratio, b.voxel, b.proof, b.rng)
+    assert [s.proven for s in b.pool] == [False, True]
+    assert len(b.taken) == 3
+    for one, other in zip((*a.pool, *a.taken), (*b.pool, *b.taken), strict=True):
+        assert np.array_equal(one.points, other.points)
+        assert np.array_equal(one.weight, other.weight)
+        assert np.array_equal(one.viewpoint.centre, other.viewpoint.centre)
+        assert (one.depth, one.viewpoint.depth) == (other.depth, other.viewpoint.depth)
+    for one, other in zip(a.ahead, b.ahead, strict=True):
+        assert np.array_equal(one.direction, other.direction)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ahead", np.zeros((4, 6))),
+        ("ahead", np.full((4, 7), np.nan)),
+        ("sights", np.zeros((4, 8))),
+        ("sight_counts", np.array([1, 1, 1, 1, -1])),
+        ("sight_points", np.zeros((2, 3), np.float32)),
+        ("sight_kinds", None),
+    ],
+)
+def test_an_impossible_search_is_refused(tmp_path, name, value):
+    path = tmp_path / "bad.map"
+    write_map(path, searched())
+    with np.load(path) as file:
+        arrays = dict(file)
+    del arrays[name]
+    with open(path, "wb") as file:
+        np.savez(file, **arrays, **({} if value is None else {name: value}))
+    with pytest.raises(MapFileError, match="impossible"):
+        read_map(path, KEY)
+
+
+@pytest.mark.parametrize(
+    "change", [{"ratio": 0}, {"voxel": "x"}, {"proof": [1]}, {"rng": {"bit_generator": "none"}}, {"rng": 3}]
+)
+def test_an_impossible_number_of_the_search_is_refused(tmp_path, change):
+    path = tmp_path / "bad.map"
+    write_map(path, searched())
+    with np.load(path) as file:
+        arrays = dict(file)
+    head = json.loads(arrays["head"].tobytes())
+    head["search"] |= change
+    arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
+    with open(path, "wb") as file:
+        np.savez(file, **arrays)
+    with pytest.raises(MapFileError, match="impossible"):
+        read_map(path, KEY)
 
 
 def test_a_map_without_views_comes_back(tmp_path):

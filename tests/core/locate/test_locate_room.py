@@ -8,7 +8,17 @@ import pytest
 
 from core.errors import Cancelled
 from core.geometry.camera import pose_error
-from core.locate import LandmarkMap, MapSettings, PhotoLens, build_map, find_camera, iterate_finding, locate
+from core.locate import (
+    LandmarkMap,
+    MapSettings,
+    PhotoLens,
+    build_map,
+    find_camera,
+    iterate_finding,
+    locate,
+    read_map,
+    write_map,
+)
 from core.photos.lens_guess import guess_lens
 from core.photos.photo import Photo
 from core.pose.settings import RefineSettings
@@ -64,6 +74,29 @@ def test_every_step_of_the_making_is_a_map(steps, landmarks):
     for step in steps:
         assert all(a is b for a, b in zip(step.map.views, landmarks.views, strict=False))
     assert all(np.isfinite(view.points).all() for view in landmarks.views)
+
+
+def test_the_progress_moves_while_viewpoints_are_looked_for(steps):
+    """Before the first view there is a search, which takes as long as several views do."""
+    before = [step.fraction for step in steps if len(step.map) == 0]
+    assert len(before) > 20
+    assert len(set(before)) > 20
+    assert 0.1 < max(before) < 0.9
+    assert max(np.diff([step.fraction for step in steps])) < 0.1
+
+
+def test_a_map_that_was_interrupted_is_continued_to_the_same_map(scene, steps, landmarks, tmp_path):
+    """What the search for viewpoints knew is in the file, so that nothing of it is done again."""
+    part = next(step.map for step in steps if len(step.map) == VIEWS - 2)
+    write_map(tmp_path / "part.map", part)
+    begun = read_map(tmp_path / "part.map", part.key)
+    rest = list(build_map(scene, SETTINGS, begun=begun))
+    assert [len(step.map) for step in rest if step.step == "drawing views"] == [VIEWS - 1, VIEWS]
+    assert len(rest) < len(steps) / 3
+    for a, b in zip(rest[-1].map.views, landmarks.views, strict=True):
+        assert np.allclose(a.pose.R, b.pose.R, atol=1e-12)
+        assert np.allclose(a.pose.t, b.pose.t, atol=1e-12)
+        assert np.allclose(a.points, b.points, atol=1e-5)
 
 
 def test_landmarks_lie_on_the_room(scene, landmarks):
@@ -155,7 +188,7 @@ def test_the_search_asks_for_no_more_map_than_it_needs(renderer, steps):
     report = find_camera(renderer, PhotoLens(photo, camera.intrinsics), asked, QUICK)
     assert report.verdict == "trusted"
     assert report.views == 10
-    assert len(next(asked).map) == 11
+    assert len(next(asked).map) <= 11
 
 
 def test_a_camera_to_be_checked_ends_the_search_where_its_hypothesis_was_clear(renderer, steps):

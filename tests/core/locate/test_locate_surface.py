@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from core.locate.build import _sieved
 from core.locate.viewpoints.candidates import candidate_views, measured_ratio, spread_out
 from core.locate.viewpoints.panorama import CELLS, cell_directions, cube_cells, panorama_at, view_directions
+from core.locate.viewpoints.sieve import sieved
 from core.locate.viewpoints.surface import Surface, sample_surface
 from core.render.constants import SH_C0
 from core.splats.scene import GaussianScene
+from core.support.steps import run_to_end
 
 TOWARDS = np.array([0.3, -0.5, -0.81])  # where the photographs of the wall were taken from
 SH_ORDER = [1, 2, 0]  # the first-degree coefficients go with y, z and x of the direction
@@ -120,7 +121,11 @@ def test_a_small_thing_in_the_void_has_viewpoints_around_it():
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     arrays = (points, np.full(300, 0.1), np.full(300, 0.2), 0.9 * points)
     ball = Surface(*(np.asarray(a, np.float32) for a in arrays))
-    centres = np.array([one.viewpoint.centre for some in _sieved(ball, np.random.default_rng(0)) for one in some])
+    shares = []
+    found = run_to_end(sieved(ball, np.random.default_rng(0)), shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] <= 1
+    centres = np.array([one.centre for one in found.ahead])
     assert len(centres) >= 100
     assert np.median(np.linalg.norm(centres, axis=1)) > 1.5
     assert np.abs(np.mean(centres / np.linalg.norm(centres, axis=1, keepdims=True), axis=0)).max() < 0.3

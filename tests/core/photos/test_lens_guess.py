@@ -106,9 +106,12 @@ def test_batch_says_how_many_it_assumed(place, tmp_path, capsys):
     file, out = put(tmp_path / "q.json", {"frames": frames}), tmp_path / "results.json"
     arguments = ["batch", place.scene, file, "--out", out, "--workers", "1", *FAST, "--iterations", "1", "--no-locate"]
     assert main([str(a) for a in arguments]) == 3
-    assert "3 of 3 starts tell no lens: 0 get theirs from EXIF, 3 a field of view of 55 degrees" in capsys.readouterr().err
+    assert "No lens is given for 2 of 3 photos: it is EXIF's for 0, and 55 degrees across the long side for 2." in (
+        capsys.readouterr().err
+    )
     records = json.loads(out.read_text())["frames"]
-    assert [r["focal_guessed"] for r in records] == [True] * 3
+    assert [r.get("focal_guessed") for r in records] == [True, True, None]
+    assert "width" not in records[2]  # nothing is known of its lens
     assert "There is no photo" in records[2]["error"]
 
 

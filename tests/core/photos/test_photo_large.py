@@ -87,6 +87,18 @@ def test_a_picture_of_absurd_size_is_refused_before_it_is_decoded(put):
         read_photo(path)
 
 
+@pytest.mark.parametrize("size", [(1_000_000, 1), (101, 1), (3, 303)])
+def test_a_strip_is_refused_before_it_is_decoded_and_where_its_header_says_nothing(put, size):
+    png = encoded(".png", picture())
+    path = put(png[:16] + struct.pack(">II", *size) + png[24:], "a.png")
+    with pytest.raises(PhotoError, match=f"{size[0]} x {size[1]} pixels; the long side may be at most 100 times"):
+        read_photo(path)
+    path = put(cv2.imencode(".bmp", np.zeros((size[1], size[0], 3), np.uint8))[1].tobytes(), "a.bmp")
+    with pytest.raises(PhotoError, match="the long side may be at most 100 times"):
+        read_photo(path)
+    assert read_photo(put(cv2.imencode(".bmp", np.zeros((1, 100, 3), np.uint8))[1].tobytes(), "b.bmp")).width == 100
+
+
 def test_sizes_in_headers():
     for suffix in (".jpg", ".png"):
         assert picture_size(encoded(suffix, picture(48, 64))) == (64, 48)

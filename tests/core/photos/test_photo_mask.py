@@ -118,11 +118,11 @@ def test_batch_takes_a_folder_of_masks_and_an_answer_belongs_to_its_mask(place, 
     mask_file(masks / "photo_0.png", height, width, slice(None))  # leaves nothing, which only a mask that is read can do
     arguments = ["batch", str(place.scene), queries, "--out", str(out), "--workers", "1", *FAST]
     main([*arguments, "--mask", str(masks)])
-    assert "1 of 2 photos have a mask" in capsys.readouterr().err
+    assert "1 of 2 photos has a mask" in capsys.readouterr().err
     first, second = json.loads(out.read_text())["frames"]
     assert first["verdict"] == "failed"
     assert "leaves nothing of the photo" in first["reasons"][0]
     assert "leaves nothing" not in " ".join(second["reasons"])
     main(arguments)
-    assert "1 of 2 photos were finished before" in capsys.readouterr().err
+    assert "1 of 2 photos was finished before" in capsys.readouterr().err
     assert "leaves nothing" not in " ".join(json.loads(out.read_text())["frames"][0]["reasons"])

@@ -32,11 +32,11 @@ def _views(seed, noise=0.0, outliers=0.0, count=6):
     return rng, truth, points, views
 
 
-GIVEN = LensPrior(CAMERA, CALIBRATED_STD, True)
+GIVEN = LensPrior(CAMERA, CALIBRATED_STD, "calibrated")
 
 
 def _guess(lens=CAMERA):
-    return LensPrior(lens, GUESS_STD, False)
+    return LensPrior(lens, GUESS_STD, "guess")
 
 
 def _start(rng, truth, size=0.01):

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from geometry import CAMERA, fan, make_matches, random_pose, world
 
-from core.geometry.camera import pose_error
+from core.geometry.camera import Camera, Pose, pose_error
 from core.pose.final.joint import SCALE, SHARED_ERROR, JointProblem, fit_joint
 from core.pose.final.lens_doubt import SUSPECTS, doubt
 from core.pose.final.reprojection import apply, reproject, whitening
 from core.pose.final.solution import from_joint
-from core.pose.shared.lens import ALL, CALIBRATED_STD, FOCAL, GUESS_STD, CameraUnknowns, LensPrior, moved_lens
+from core.pose.final.stage import FinalStage
+from core.pose.settings import RefineSettings
+from core.pose.shared.lens import ALL, CALIBRATED_STD, FOCAL, GUESS_STD, PRIOR_STD, CameraUnknowns, LensPrior, moved_lens
 
-GIVEN = LensPrior(CAMERA, CALIBRATED_STD, True)
+GIVEN = LensPrior(CAMERA, CALIBRATED_STD, "calibrated")
 DEPTH = 3.0
 
 
@@ -64,7 +66,7 @@ def _cost(camera, problem, sigma_px):
 
 def test_the_odds_are_those_of_the_two_models_written_out():
     _, fit = _fit(2, replace(CAMERA, fx=1.004 * CAMERA.fx, fy=1.004 * CAMERA.fy))
-    wide = replace(fit.problem, prior=LensPrior(CAMERA, GUESS_STD, False), free=SUSPECTS)
+    wide = replace(fit.problem, prior=LensPrior(CAMERA, GUESS_STD, "guess"), free=SUSPECTS)
     freer, std = fit_joint(fit.camera, wide, fit.kind), GUESS_STD[:5]
     sigma_px = wide.deviations_px(reproject(freer.camera, wide.matches).across)
     fall = _cost(fit.camera, wide, sigma_px) - _cost(freer.camera, wide, sigma_px)
@@ -74,7 +76,7 @@ def test_the_odds_are_those_of_the_two_models_written_out():
 
 
 def test_nothing_more_can_be_doubted_where_all_was_solved_for():
-    _, fit = _fit(3, CAMERA, LensPrior(CAMERA, GUESS_STD, False), ALL)
+    _, fit = _fit(3, CAMERA, LensPrior(CAMERA, GUESS_STD, "guess"), ALL)
     assert doubt(fit).log_odds == -np.inf
 
 
@@ -95,7 +97,7 @@ def test_deviations_of_the_pose_know_what_a_lens_that_is_held_may_be_off():
 
 
 def test_a_guess_states_what_the_matches_leave_of_its_width():
-    _, fit = _fit(4, CAMERA, LensPrior(CAMERA, GUESS_STD, False), ALL)
+    _, fit = _fit(4, CAMERA, LensPrior(CAMERA, GUESS_STD, "guess"), ALL)
     std = from_joint(fit, DEPTH).lens_std
     assert (std < GUESS_STD).all() and std[0] < 0.05 * GUESS_STD[0]
 
@@ -103,3 +105,27 @@ def test_a_guess_states_what_the_matches_leave_of_its_width():
 def test_a_number_that_is_asked_for_is_as_open_as_a_guess():
     solving = GIVEN.solving(FOCAL)
     assert solving.std[0] == GUESS_STD[0] and (solving.std[1:] == CALIBRATED_STD[1:]).all()
+
+
+def _photo_with_exif(true_factor, noise=1.0):
+    """Matches of a photo whose EXIF says CAMERA's focal length, taken with `true_factor` times that."""
+    lens = replace(CAMERA, fx=true_factor * CAMERA.fx, fy=true_factor * CAMERA.fy)
+    return lens, *_seen(7, lens, noise)
+
+
+def test_exif_is_a_guess_of_three_per_cent_where_the_focal_length_is_its_own():
+    mm = CAMERA.focal * np.hypot(36, 24) / np.hypot(CAMERA.width, CAMERA.height)
+    guessed = Camera(CAMERA, Pose(), focal_guessed=True)
+    assert LensPrior.of(guessed, mm).source == "exif" and LensPrior.of(guessed, mm).std[0] == 0.03
+    assert LensPrior.of(guessed, 1.1 * mm).source == LensPrior.of(guessed).source == "guess"
+    assert LensPrior.of(replace(guessed, focal_guessed=False), mm).source == "calibrated"
+
+
+@pytest.mark.parametrize(("true_factor", "refuted"), [(1.01, False), (1.5, True)])
+def test_exif_of_a_cropped_photo_does_not_hold_its_focal_length(true_factor, refuted):
+    lens, truth, views = _photo_with_exif(true_factor)
+    prior = LensPrior(CAMERA, PRIOR_STD["exif"], "exif")
+    stage = FinalStage(None, RefineSettings(final="joint"), prior, ALL)
+    fit = stage._solve(CameraUnknowns(truth, CAMERA), views, views[0].take(np.zeros(len(views[0]), bool)), CAMERA)
+    assert fit.camera.intrinsics.focal == pytest.approx(lens.focal, rel=5e-3)
+    assert (fit.problem.prior.source == "guess") == refuted

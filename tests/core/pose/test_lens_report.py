@@ -25,7 +25,7 @@ def solution(std, prior, solved):
 
 
 def guessed():
-    return lens_numbers(solution(TOLD, LensPrior(PHOTO, GUESS_STD, False), ALL), PHOTO)
+    return lens_numbers(solution(TOLD, LensPrior(PHOTO, GUESS_STD, "guess"), ALL), PHOTO)
 
 
 def test_numbers_are_those_of_the_photo_at_its_full_size():
@@ -42,7 +42,7 @@ def test_a_number_that_the_matches_did_not_tell_is_held():
 
 
 def test_a_calibration_is_given():
-    numbers = lens_numbers(solution(CALIBRATED_STD, LensPrior(PHOTO, CALIBRATED_STD, True), ()), PHOTO)
+    numbers = lens_numbers(solution(CALIBRATED_STD, LensPrior(PHOTO, CALIBRATED_STD, "calibrated"), ()), PHOTO)
     assert {n.state for n in numbers} == {"given"} and numbers[0].value == 2500
     assert lens_sentence(numbers, PHOTO) == ""
 
@@ -55,7 +55,7 @@ def test_the_sentence_names_what_was_solved_for():
 
 def test_a_focal_length_without_a_bound_states_none():
     std = np.where(np.arange(9) == 0, math.inf, TOLD)
-    said = lens_sentence(lens_numbers(solution(std, LensPrior(PHOTO, GUESS_STD, False), ALL), PHOTO), PHOTO)
+    said = lens_sentence(lens_numbers(solution(std, LensPrior(PHOTO, GUESS_STD, "guess"), ALL), PHOTO), PHOTO)
     assert "inf" not in said and "held" in said
 
 

@@ -72,6 +72,21 @@ def test_a_doubt_of_the_lens_ends_with_it_and_every_other_one_stays(photos):
     assert "The refinement from the given start failed." in after[2]["reasons"]
 
 
+def test_a_doubt_beside_the_evidence_outlives_the_lens(photos):
+    """That the photo fits another place as well comes before the reasons of the evidence, or in their place."""
+    rival, note = "It fits two places.", "A second run came to another camera."
+    uncertain = record_of(photos[0], focal_std_pct=5.0)
+    uncertain = {**uncertain, "reasons": [rival, *uncertain["reasons"]], "details": [*uncertain["details"], note]}
+    alone = record_of(photos[1])
+    alone = {**alone, "verdict": "check", "reasons": [rival, alone["reasons"][-1]]}
+    after = share_records([uncertain, alone, record_of(photos[2])], "X").records
+    for record in (after[0], after[1]):
+        assert (record["verdict"], record["reasons"][0]) == ("check", rival)
+        assert len(record["reasons"]) == 2 and "shared with 2 other photos" in record["reasons"][1]
+    assert note in after[0]["details"] and len(after[0]["details"]) == len(uncertain["details"])
+    assert after[2]["verdict"] == "trusted"
+
+
 def test_a_photo_that_its_shared_lens_moves_far_is_to_be_checked(photos):
     """In a scene a hundred times nearer the same move is a hundred times as many per cent of the depth."""
     near = [record_of(photo, median_depth=0.04, translation_std_pct=0.1) for photo in photos]
@@ -107,7 +122,8 @@ def test_photos_that_can_tell_nothing_take_no_part(own):
         {**own[2], "quality": None},
         {**own[3], "quality": {**own[3]["quality"], "pose": {"R": "x"}}},
         {"file": "a.jpg", "verdict": "trusted"},
+        {**own[0], "details": None},
     ]
     shared = share_records([*spoilt, *own[4:]], "X")
-    assert set(shared.records) == {5, 6} and shared.count == 2
+    assert set(shared.records) == {6, 7} and shared.count == 2
     assert share_records([*spoilt, own[5]], "X") is None

@@ -2,7 +2,7 @@
 
 import pytest
 
-from core.render.memory import MemoryLimitError, check, import_bytes, machine_bytes, refine_bytes
+from core.render.memory import MemoryLimitError, check, find_bytes, import_bytes, machine_bytes, refine_bytes
 
 PIXELS = 640 * 480
 
@@ -14,6 +14,13 @@ PIXELS = 640 * 480
 def test_the_estimate_is_above_what_was_measured_and_not_far_above(gaussians, threads, measured_gb):
     estimate = refine_bytes(gaussians, 4, PIXELS, threads) / 1e9
     assert measured_gb < estimate < 2 * measured_gb
+
+
+def test_a_search_counts_the_scan_that_is_kept_and_the_map():
+    kept = 4 * (11 + 3 * 4) * 1_000_000
+    more = find_bytes(1_000_000, 4, 2, 80) - refine_bytes(1_000_000, 4, 0, 2)
+    assert kept + 262e6 < more < kept + 400e6  # 262 bytes a Gaussian were measured
+    assert find_bytes(1_000_000, 4, 2, 2000) - find_bytes(1_000_000, 4, 2, 80) > 1920 * 1200 * 140  # landmarks of full views
 
 
 def test_an_import_counts_the_file(tmp_path):

@@ -55,7 +55,7 @@ CASES = {
     ),
     "no scales": (ply_bytes(without("scale_1", "scale_2")), "lacks the properties scale_1, scale_2"),
     "zero Gaussians": (ply_bytes({n: v[:0] for n, v in RAW.items()}), "holds zero Gaussians"),
-    "all invalid": (ply_bytes(poisoned()), "All 3 Gaussians of the file hold NaN"),
+    "all invalid": (ply_bytes(poisoned()), "Every Gaussian of the file (3) holds a NaN"),
     "30 f_rest": (ply_bytes(RAW | {f"f_rest_{i}": RAW["x"] for i in range(30)}), "30 f_rest values"),
     "gap in f_rest": (ply_bytes(RAW | {f"f_rest_{i}": RAW["x"] for i in range(1, 10)}), "9 f_rest values"),
     "f_rest_05": (

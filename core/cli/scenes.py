@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..cameras import PoseSet, Split, detect, read
 from ..errors import DatasetError
-from . import PoseSet, Split, detect, read
 
 SCENE = "{scene}"
 
