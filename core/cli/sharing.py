@@ -8,6 +8,7 @@ from ..batch.keys import BatchQuery
 from ..batch.lens_groups import lens_groups
 from ..batch.store import ResultStore
 from ..pose.shared_records import share_records
+from ..support.words import counted
 from .console import message, say
 
 SHARED_LENS_HELP = (
@@ -36,7 +37,7 @@ def share_lenses(sharing: str, queries: Sequence[BatchQuery], store: ResultStore
         for place, record in shared.records.items():
             store.share(members[place], record)
         of = f" of {name}" if len(groups) > 1 else ""
-        say(f"One lens for {shared.count} photos{of}: {shared.focal}")
+        say(f"One lens for {counted(shared.count, 'photo')}{of}: {shared.focal}")
         if left := len(members) - shared.count:
             words = "photo keeps its" if left == 1 else "photos keep their"
             message(f"{left} {words} own lens, which is another one.")

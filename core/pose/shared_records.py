@@ -15,6 +15,7 @@ from ..cameras.files import camera_from_dict, camera_to_dict
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics
 from ..geometry.conventions import focal_px_from_35mm
+from ..support.words import counted
 from .lens_report import lens_sentence, shared_numbers
 from .report import LensEvidence, LensNumber, PoseQuality, Verdict
 from .report_json import VERDICTS, evidence_from_dict, lens_from_dict, lens_to_dict, quality_from_dict, quality_to_dict
@@ -159,8 +160,7 @@ def _moved_far(moved_pct: float, moved_deg: float) -> str:
 
 
 def _shared_with(others: int, focal: str) -> str:
-    photos = "1 other photo" if others == 1 else f"{others} other photos"
-    return f"Its lens is shared with {photos}: {focal}."
+    return f"Its lens is shared with {counted(others, 'other photo')}: {focal}."
 
 
 def _focal_words(lens: Intrinsics, numbers: Sequence[LensNumber]) -> str:
