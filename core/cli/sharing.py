@@ -32,7 +32,7 @@ def share_lenses(sharing: str, queries: Sequence[BatchQuery], store: ResultStore
             continue
         shared = share_records([store.records[i] for i in members], name)
         if shared is None:
-            message(f"The {len(members)} photos of {name} agree on no lens, so each keeps its own.")
+            message(f"The photos of {name} ({len(members)}) agree on no lens, so each keeps its own.")
             continue
         for place, record in shared.records.items():
             store.share(members[place], record)
