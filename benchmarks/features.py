@@ -114,7 +114,7 @@ def main() -> int:
             continue
         settings = RefineSettings(features=row.features, model=str(model or ""), threads=args.threads)
         for start in args.starts:
-            trials = [t for scene in args.scenes for t in run_scene(scene, start, settings, args.seeds)]
+            trials = [t for scene in args.scenes for t in run_scene(scene, start, "given", settings, args.seeds)]
             print(line(name, start, trials), flush=True)
             for t in trials if args.verbose else ():
                 print("  ", t.name, f"{t.distance:.3f} % {t.degrees:.3f} deg", t.report.verdict, f"{t.report.seconds:.1f} s")

@@ -58,6 +58,7 @@ BASIN = (30.0, 20.0)
 HOME = {"room": (1.0, 0.5)}  # whose truth is weak; the others':
 HOME_ELSEWHERE = (0.3, 0.2)
 PARTS = ("signs", "map", "photos", "guessed", "known", "cross", "spoilt", "sample", "town", "repeats", "scale")
+OWN_MAPS = {"map", "photos", "guessed", "cross", "spoilt"}  # the parts that need the map of each scan
 OTHERS = {"fox": ("monstree", "room"), "monstree": ("room", "fox"), "room": ("fox", "monstree")}
 SETTINGS = RefineSettings(threads=1)
 TOWN_VIEWS = 120
@@ -340,7 +341,8 @@ def main() -> int:
     places: dict[str, Place] = {}
     for name in args.scenes if SCENES.is_dir() else []:
         scan = Scan.load(name)
-        places[name] = Place(scan, mapped(name, scan.scene, args.views, [], args.maps))
+        own = OWN_MAPS.intersection(args.parts)
+        places[name] = Place(scan, mapped(name, scan.scene, args.views, [], args.maps) if own else LandmarkMap(""))
     for row in rows(places, args):
         print(row, flush=True)
     return 0

@@ -139,9 +139,8 @@ class Locator:
         best = max((h.inliers for h in self._refused), default=0)
         agree = f"at most {best}" if best else f"fewer than {MIN_INLIERS}"
         return (
-            f"No place in the scan matches the photo: {agree} of its {features} agree on one, over "
-            f"{counted(self.views, 'view')} of the map; it may show another place, so try more views or place the camera by "
-            "hand."
+            "No place in the scan matches the photo: it may show another place; try more views, or place the camera by hand "
+            f"({agree} of its {features} agree on a place, over {counted(self.views, 'view')} of the map)."
         )
 
 

@@ -92,6 +92,8 @@ class Told:
         if views == 0:
             return iface_("Making a map of the scan, which is kept for its other photos.")
         values = {"views": views, "count": max(views, self._finder.wanted_views)}
+        if views == values["count"]:
+            return iface_("The map of the scan is whole; the photo is looked for in all of it.")
         drawn = [seen for seen in self._views if seen[1] > self._views[0][1]]
         if len(drawn) < SEEN_VIEWS:
             return iface_("Map of the scan: view {views} of {count}", **values)

@@ -147,13 +147,13 @@ def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo
     if not photo.focal_35mm:
         camera_bridge.move_to_render(scene, data, photo.width, photo.height)
         return rpt_(
-            "The photo does not say its focal length: Refine starts from the camera's ({lens:.3g} mm) and solves for it.",
+            "The photo does not say its focal length; the camera's ({lens:.3g} mm) is a first guess, and is solved for.",
             lens=data.lens,
         )
     data.type, data.sensor_fit, data.sensor_width = "PERSP", "AUTO", PHOTO_SENSOR_MM
     wanted = replace(guess_lens(photo).intrinsics, dist=camera_bridge.read_distortion(data))
     camera_bridge.write_intrinsics(scene, data, wanted)
-    return rpt_("Lens {lens:.3g} mm from the photo's EXIF, a start that Refine improves.", lens=data.lens)
+    return rpt_("Lens {lens:.3g} mm from the photo's EXIF, a first guess that is solved for.", lens=data.lens)
 
 
 def frame(scene: bpy.types.Scene, size: tuple[int, int], allowed: bool, pixel: float | None = None) -> list[str]:

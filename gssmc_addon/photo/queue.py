@@ -65,6 +65,8 @@ class RefineQueue(RetryQueue):
         copying = SplatCopying(scene.gssmc.splat)
         super().__init__(len(entries), copying)
         self.settings = settings
+        if options.find:
+            self.status = n_("Finding the photos    Esc: stop")
         self.failed: list[tuple[str, str]] = []
         self.found_again: list[str] = []  # Names of the cameras that were found in the second pass.
         self._verdict_of: dict[int, str] = {}
@@ -78,6 +80,10 @@ class RefineQueue(RetryQueue):
         self._targets: dict[int, refine_job.Targets] = {}  # The targets of the items that could be started.
         self._said = ""  # What the panel says of the present try, before its progress.
         self._tried = 0  # How many starts the present photo of the second pass has.
+
+    @property
+    def scene(self) -> bpy.types.Scene:
+        return by_uid(bpy.data.scenes, self._scene)
 
     def close(self) -> None:
         self._renderer.close()

@@ -99,7 +99,7 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
     longer what was solved, the title says so, and the way back takes the place of a line.
     """
     last, props = context.window_manager.gssmc, camera.data.gssmc if camera else None
-    titles, icon, texts = _outcome(props, last.message)
+    titles, icon, texts = _outcome(context.scene, props, last.message)
     changed = camera_solution.title(context.scene, camera) if camera and not slot.active() else ""
     room = wrapping.room_px(context, icon=True) - wrapping.ICON_PX  # of the arrow
     if changed:
@@ -122,23 +122,23 @@ def _draw_outcome(box: bpy.types.UILayout, context: bpy.types.Context, camera: b
         _draw_lines(column, wrapping.fitted(texts, wrapping.room_px(context, icon != "NONE"), count), icon)
 
 
-def _outcome(props: camera_props.GssmcCamera | None, message: str) -> tuple[list[str], str, list[str]]:
-    """Title (the longest first), icon and texts: of a job its progress, else the last message and the camera's verdict."""
+def _outcome(scene: bpy.types.Scene, props: camera_props.GssmcCamera | None, message: str) -> tuple[list[str], str, list[str]]:
+    """Title (the longest first), icon and texts: of a job its progress, else the last message and the camera's verdict, or
+    what to do next where neither is there.
+    """
     job = slot.active()
     if job:
         return [iface_("Working")], "TIME", [job.detail]
-    if props is None:
-        titles, texts = [iface_("No photo yet")], [iface_("Import a splat and add a photo that was taken there.")]
-    elif props.verdict == "NONE":
-        titles, texts = (
-            [iface_("Not refined yet")],
-            [iface_("Find Camera looks for it in the scan; Refine Camera starts from where the camera stands.")],
-        )
-    else:
-        titles = [camera_props.verdict_title(props), iface_(camera_props.VERDICT_NAMES[props.verdict])]
-        texts = props.reasons.splitlines()
-    icon = camera_props.VERDICT_ICONS[props.verdict] if props and props.verdict != "NONE" else "BLANK1"
-    return titles, icon, [message, *texts] if message else texts
+    if props is None or props.verdict == "NONE":
+        hint = iface_("Find Camera looks for it in the scan; Refine Camera starts from where the camera stands.")
+        if props is None and splat_object.is_splat(scene.gssmc.splat):
+            hint = iface_("Add a photo that was taken in the scanned place.")
+        elif props is None:
+            hint = iface_("Import a splat and add a photo that was taken there.")
+        return [iface_("Not solved yet") if props else iface_("No photo yet")], "BLANK1", [message or hint]
+    titles = [camera_props.verdict_title(props), iface_(camera_props.VERDICT_NAMES[props.verdict])]
+    reasons = props.reasons.splitlines()
+    return titles, camera_props.VERDICT_ICONS[props.verdict], [message, *reasons] if message else reasons
 
 
 def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE", least: int = 0) -> None:

@@ -13,7 +13,7 @@ from ..photo import mask as mask_source
 from ..support.texts import iface_
 
 VERDICTS = (
-    ("NONE", "None", "Not refined yet"),
+    ("NONE", "None", "Not solved yet"),
     ("TRUSTED", "Trusted", "The camera fits the photo"),
     ("CHECK", "Check", "Look at the result before you rely on it"),
     ("FAILED", "Failed", "No camera was found; nothing was changed"),
@@ -41,6 +41,8 @@ def verdict_title(props: GssmcCamera) -> str:
         values["count"] = props.frames_done
         one = iface_("{verdict}: 1 frame, {seconds:.1f} s", **values)
         return one if props.frames_done == 1 else iface_("{verdict}: {count} frames, {seconds:.1f} s", **values)
+    if props.iterations_done == 0:  # Nothing was refined, for nothing was found.
+        return iface_("{verdict}: {seconds:.1f} s", verdict=values["verdict"], seconds=props.seconds)
     if props.iterations_done == 1:
         return iface_("{verdict}: 1 iteration, {seconds:.1f} s", **values)
     return iface_("{verdict}: {count} iterations, {seconds:.1f} s", **values)

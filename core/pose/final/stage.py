@@ -15,13 +15,14 @@ from ...geometry.camera import Intrinsics, Pose, pose_error
 from ...render.view import ViewRenderer, sole_renderer
 from ..search.hypotheses import candidate_poses
 from ..settings import RefineSettings
-from ..shared.lens import ALL, MODES, CameraUnknowns, Free, LensPrior
+from ..shared.lens import MODES, CameraUnknowns, Free, LensPrior
 from ..shared.matches import ViewMatches, bearings
 from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
 from .guided import Corners, PosedRender, follow, match_corners, pick_corners
 from .joint import FIT_KINDS, FitKind, JointFit, JointProblem, fit_joint, held_out_px
 from .solution import FittedCamera, from_joint
+from .squeeze import with_squeeze
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ class FinalStage:
         guess is solved for: each number under its prior, so that what the matches cannot tell stays where it was guessed.
         """
         if settings.lens == "auto":
-            return cls(renderer, settings, prior, () if prior.calibrated else ALL)
+            return cls(renderer, settings, prior, () if prior.calibrated else MODES["full"])
         free = MODES[settings.lens]
         return cls(renderer, settings, prior.solving(free), free)
 
@@ -141,7 +142,7 @@ class FinalStage:
         fit = fit_joint(start, problem, kind)
         if self.prior.refuted(fit.camera.intrinsics):
             fit = fit_joint(start, replace(problem, prior=self.prior.doubted()), kind)
-        return fit
+        return with_squeeze(fit)
 
 
 @dataclass(frozen=True, eq=False)

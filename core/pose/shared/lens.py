@@ -19,19 +19,21 @@ Free = tuple[int, ...]
 NAMES = ("log f", "cx / f", "cy / f", "k1", "k2", "p1", "p2", "k3", "log fx / fy")
 ALL: Free = tuple(range(len(NAMES)))
 FOCAL: Free = (0,)
-MODES: dict[LensMode, Free] = {"fixed": (), "focal": FOCAL, "full": ALL}
+SQUEEZE = NAMES.index("log fx / fy")
+# Pixels are taken for square, or as oblong as they were given, unless the matches say otherwise (`final/squeeze.py`).
+MODES: dict[LensMode, Free] = {"fixed": (), "focal": FOCAL, "full": ALL[:SQUEEZE]}
 
 LensSource = Literal["calibrated", "exif", "guess"]
 # Standard deviations of what is known of a lens, in the order of NAMES, by the source that told it.
 # A guess, by eye or habit: the focal length is sometimes off by a quarter; principal points of phones, crops and stabilised
 # video lie some per cent off the centre; k1 and k2 of phones reach a tenth, tangential and third radial terms some thousandths
-# and hundredths; pixels are square but for scans and rescaled video.
+# and hundredths; pixels are square to a thousandth.
 # EXIF: its focal length in 35 mm terms is rounded to whole millimetres, and the lens breathes with its focus.
 # A calibration is known to what calibrations state: some tenths of a pixel in a thousand, and the distortion likewise at the
 # border of the picture.
 PRIOR_STD: dict[LensSource, FloatArray] = {
-    "guess": np.array([0.3, 0.02, 0.02, 0.1, 0.1, 0.003, 0.003, 0.05, 0.01]),
-    "exif": np.array([0.03, 0.02, 0.02, 0.1, 0.1, 0.003, 0.003, 0.05, 0.01]),
+    "guess": np.array([0.3, 0.02, 0.02, 0.1, 0.1, 0.003, 0.003, 0.05, 0.001]),
+    "exif": np.array([0.03, 0.02, 0.02, 0.1, 0.1, 0.003, 0.003, 0.05, 0.001]),
     "calibrated": np.array([2e-4, 2e-4, 2e-4, 4e-4, 4e-4, 1e-4, 1e-4, 4e-4, 1e-4]),
 }
 GUESS_STD, CALIBRATED_STD = PRIOR_STD["guess"], PRIOR_STD["calibrated"]

@@ -75,7 +75,7 @@ def fits_in_part(q: PoseQuality) -> str:
     if not isfinite(q.region_offset_px_of_photo):
         return "No part of the photo sits on the splat; compare the two by eye."
     return (
-        f"The splat sits on {share(q.region_area)} of the photo, with {q.region_corners} corners to "
+        f"The splat sits on {share(q.region_area)} of the photo, with {counted(q.region_corners, 'corner')} to "
         f"{pixels(q.region_offset_px_of_photo)}; compare the two by eye."
     )
 

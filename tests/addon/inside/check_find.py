@@ -1,6 +1,7 @@
 """Find Camera: photos without a start come home, the map is kept and used again, Esc keeps what was made of it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -164,6 +165,23 @@ def test_a_photo_of_another_place_is_not_found_and_moves_nothing(bpy, mapped, ex
     assert camera.data.gssmc.verdict == "FAILED"
     assert "No place in the scan matches the photo" in camera.data.gssmc.reasons
     assert (camera.matrix_world, camera.data.lens) == (before, lens)
+
+
+def test_the_work_is_called_by_what_it_does(bpy, listed, extension):
+    queues, settings = extension("gssmc_addon.photo.queue"), extension("core.pose.settings").RefineSettings()
+    for find, words in ((True, "Finding the photos"), (False, "Refining the photos")):
+        queue = queues.queue(bpy.context.scene, "ALL", settings, queues.QueueOptions(find))
+        assert queue.status.startswith(words)
+        queue.close()
+
+
+def test_a_whole_map_has_no_time_to_go(bpy, extension):
+    """While the last views are matched, nobody can say how long it takes."""
+    progress, told = extension("core.locate").FindProgress, extension("gssmc_addon.find.job").Told
+    told = told(SimpleNamespace(wanted_views=5, views_before=1))
+    details = [told(progress("drawing views", 0.1 * views, views))[2] for views in range(1, 7)]
+    assert details[1].startswith("Map of the scan: view 1 of 5")
+    assert details[-1] == "The map of the scan is whole; the photo is looked for in all of it."
 
 
 def test_what_is_missing_is_one_sentence(bpy, lost):

@@ -30,7 +30,7 @@ def slot(extension, bpy):
 @pytest.fixture
 def refining(bpy, scene, extension, context, slot):
     """Refine Camera, begun in the window."""
-    hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="")
+    hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="", locate=False)
     assert hand.invoke(context, event()) == {"RUNNING_MODAL"}
     return hand
 
@@ -80,7 +80,7 @@ def test_an_operator_does_not_apply_anothers_result(bpy, extension, context, slo
     """What was begun in a later slot is nothing to the operator of an earlier one."""
     first = refining._job
     slot.stop(first)
-    later = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="")
+    later = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="", locate=False)
     assert later.invoke(context, event()) == {"RUNNING_MODAL"}
     assert refining.modal(context, event()) == {"CANCELLED"}
     assert slot.active() is later._job is not first
@@ -133,7 +133,7 @@ def broken(*_, **__):
 
 @pytest.mark.parametrize("where", ["check", "advance", "on_progress", "apply", "stopped", "make_job"])
 def test_any_exception_ends_the_job_as_one_sentence(bpy, extension, context, slot, scene, caplog, where):
-    hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="")
+    hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="", locate=False)
     if where == "make_job":
         hand.make_job = broken
     with caplog.at_level(logging.ERROR):
@@ -205,7 +205,7 @@ def test_a_thread_that_cannot_start_frees_the_slot(bpy, extension, context, slot
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", full)
-    hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="")
+    hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="", locate=False)
     assert hand.invoke(context, event()) == {"FINISHED"}
     assert slot.active() is None
     assert BROKEN in hand.said[0][1]
@@ -397,7 +397,7 @@ def test_an_error_in_the_window_is_said_once(bpy, extension, context, scene, mon
     """In the panel's line where that is seen, and nowhere else; a popup elsewhere."""
     monkeypatch.setattr(extension("gssmc_addon.jobs.operator"), "panel_is_open", lambda _: seen)
     scene.camera.data.type = "ORTHO"
-    hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="")
+    hand = operator(bpy, extension("operators.refine").GSSMC_OT_refine, splat="", camera="", locate=False)
     assert hand.invoke(context, event()) == {"CANCELLED"}
     assert "Perspective" in bpy.context.window_manager.gssmc.message
     assert len(hand.said) == (0 if seen else 1)

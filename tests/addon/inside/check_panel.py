@@ -132,6 +132,20 @@ def test_what_is_folded_can_be_unfolded(bpy, scene, extension):
     assert "\u2026" not in told()
 
 
+def test_the_hint_is_of_the_next_step_and_gives_way_to_a_message(bpy, extension, scene):
+    def labels():
+        return " ".join(part[1] for line in lines(bpy, extension, 480) for part in line[1:] if part[0] == "label")
+
+    assert "Not solved yet" in labels() and "Find Camera looks for it in the scan" in labels()
+    bpy.context.window_manager.gssmc.tell("The search was cancelled; the camera was not changed.")
+    assert "The search was cancelled" in labels() and "Find Camera looks" not in labels()
+    bpy.context.window_manager.gssmc.tell("")
+    bpy.data.objects.remove(scene.camera)
+    assert "Add a photo that was taken in the scanned place." in labels()
+    scene.gssmc.splat = None
+    assert "Import a splat and add a photo that was taken there." in labels()
+
+
 @pytest.mark.parametrize("width", WIDTHS)
 def test_no_line_is_wider_than_the_sidebar(bpy, scene, extension, width):
     """Measured with Blender's own letters; an icon takes its share."""

@@ -29,7 +29,7 @@ class Building:
 
 @pytest.fixture(scope="module")
 def yard():
-    return Building(buildings.courtyard(gaussians=9000), 16)
+    return Building(buildings.courtyard(gaussians=9000), 10)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def corridor():
     return Building(buildings.corridor(gaussians=12_000), len(doors) + 1, [*doors, buildings.end_camera()])
 
 
-@pytest.mark.parametrize("index", [1, 3, 7])
+@pytest.mark.parametrize("index", [1, 3, 5])
 def test_the_right_one_of_forty_equal_windows_is_found(yard, index):
     camera = buildings.courtyard_cameras()[index]
     best = locate(yard.renderer, yard.target(camera), yard.map).hypotheses[0]
