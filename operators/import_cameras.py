@@ -15,7 +15,7 @@ from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
-    """Import cameras, with their photos, from a COLMAP model, transforms.json or camera JSON of the splat's own world"""
+    """Import cameras, with their photos, from a file of COLMAP, nerfstudio, Metashape and others, in the splat's own world"""
 
     bl_idname = "gssmc.import_cameras"
     bl_label = "Import Cameras"
