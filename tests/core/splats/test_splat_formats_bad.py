@@ -70,7 +70,7 @@ CASES = {
     "compressed, a name twice": (swapped(COMPRESSED, b"float max_z", b"float max_y"), "lacks max_z"),
     "compressed, an element twice": (swapped(COMPRESSED, b"element sh", b"element chunk"), "names given twice"),
     "2DGS without opacity": (ply_bytes({n: v for n, v in FLAT.items() if n != "rot_1"}), "lacks the properties rot_1"),
-    "2DGS cut": (ply_bytes(FLAT)[:-9], "holds 2 of the 3 Gaussians"),
+    "2DGS cut": (ply_bytes(FLAT)[:-9], "holds 2 of 3 Gaussians"),
     "Mip-Splatting without scales": (ply_bytes(FLAT | {"filter_3D": FLAT["x"]}), "lacks the properties scale_2"),
     "zip": (b"PK\x03\x04" + bytes(60), "is no .sog scene, or is cut off or damaged"),
     "text": (b"hello\nworld\n" * 9, "is a text, not"),
