@@ -10,6 +10,7 @@ from bpy.props import BoolProperty, EnumProperty
 from ..gssmc_addon.jobs.operator import JobOperator
 from ..gssmc_addon.photo import list as photo_list
 from ..gssmc_addon.photo import queue as photo_queue
+from ..gssmc_addon.photo import same_lens
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.support import problem
 from ..gssmc_addon.support.operator_parts import NeedsPhoto
@@ -28,6 +29,11 @@ class OfList(NeedsPhoto, JobOperator):
             default=True,
             description="Photos of which no camera was found are tried again: from the cameras of solved photos, up to four, "
             "and in the whole scan",
+        ),
+        "same_lens": BoolProperty(
+            name="Same Lens",
+            default=True,
+            description="At the end, photos of one camera share its lens (see Same Lens)",
         ),
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
@@ -54,11 +60,15 @@ class OfList(NeedsPhoto, JobOperator):
         return job
 
     def apply(self, context: bpy.types.Context, job: photo_queue.RefineQueue, result: Any) -> set[str]:
-        message = job.summary()
+        message = " ".join([job.summary(), *self._shared(job)])
         self.tell(context, message, "ERROR" if job.failed else "INFO")
         clean = job.verdicts["trusted"] == job.items
         self.report({"INFO" if clean else "WARNING"}, message)
         return {"FINISHED" if job.refined else "CANCELLED"}
+
+    def _shared(self, job: photo_queue.RefineQueue) -> list[str]:
+        """Sentences on the lenses that photos now share."""
+        return list(same_lens.share(job.scene).sentences) if self.same_lens and job.refined else []
 
     def stopped(self, context: bpy.types.Context, job: photo_queue.RefineQueue) -> set[str]:
         """What was refined before the stop is kept: each photo stands for itself."""

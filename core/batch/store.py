@@ -18,6 +18,7 @@ from types import TracebackType
 from typing import Any
 
 from ..errors import GssmcError
+from ..pose.shared_records import OWN, own_record
 from ..support.atomic import atomic_write, remove_parts, sync_folder
 from ..support.lock import open_locked
 
@@ -36,6 +37,9 @@ class ResultsError(GssmcError):
 
 class ResultStore:
     """Records by query index: `records`. A context manager: between its ends no other batch can use the same results file.
+
+    They are the photos' own ones until `share` puts those of a shared lens in their place, as the last step; what an earlier
+    run shared is undone when its results are taken over.
 
     Entering takes over what earlier runs finished for the same queries and options, whole or killed. Photos that could not be
     tried at all (records with "error") are tried again. Finished records of other queries or options go into a file named as
@@ -90,6 +94,14 @@ class ResultStore:
             os.ftruncate(self._handle, size)
             raise
 
+    def share(self, index: int, record: Record) -> None:
+        """The record of a photo whose lens was shared, which holds its own one (`shared_records`), instead of that one. It is
+        written with the results file, and not to the journal: it follows from what is there.
+        """
+        named = {name: value for name, value in record.items() if name != "key"}
+        self.records[index], self._changed = record, True
+        self._texts[index] = json.dumps({**named, "key": self._keys[index]})
+
     def _restore(self, index: int, record: Record | None, text: str | None) -> None:
         del self.records[index], self._texts[index]
         if record is not None and text is not None:
@@ -112,7 +124,8 @@ class ResultStore:
         usable = {frame["key"]: frame for frame in found if frame["verdict"] and "error" not in frame}
         for index, key in enumerate(self._keys):
             if key in usable:
-                self.records[index], self._texts[index] = usable[key], json.dumps(usable[key])
+                own = own_record(usable[key])
+                self.records[index], self._texts[index] = own, json.dumps(own)
         wanted = set(self._keys)
         others = [json.dumps(frame) for key, frame in usable.items() if key not in wanted]
         if others:
@@ -121,6 +134,8 @@ class ResultStore:
             log.warning("%d results of other photos or options in '%s' are kept in '%s'", len(others), self._path, old)
         self._changed = os.fstat(self._handle).st_size > 0
         self._compact()
+        # Until it is known what is shared now, the results of the earlier run stay as they are.
+        self._changed = any(OWN in frame for key, frame in usable.items() if key in wanted)
 
     def _results(self) -> list[Record]:
         """The records of the results file, of one cut short those that are whole. Raises ResultsError."""

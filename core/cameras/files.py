@@ -128,7 +128,7 @@ def solved_lens(data: dict[str, Any]) -> bool:
     """
     said = data.get("lens")
     if isinstance(said, dict):
-        return any(isinstance(number, dict) and number.get("state") == "solved" for number in said.values())
+        return any(isinstance(number, dict) and number.get("state") in ("solved", "shared") for number in said.values())
     return said in ("focal", "radial", "full")
 
 

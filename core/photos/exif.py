@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from . import jpeg
 
-ORIENTATION, EXIF_IFD, MODEL = 0x0112, 0x8769, 0x0110
+ORIENTATION, EXIF_IFD, MODEL, LENS_MODEL = 0x0112, 0x8769, 0x0110, 0xA434
 TIFF_WIDTH, TIFF_HEIGHT = 0x0100, 0x0101
 ASCII, MODEL_CHARACTERS = 2, 64
 FOCAL_LENGTH, FOCAL_35MM = 0x920A, 0xA405
@@ -27,13 +27,15 @@ READERS = {1: ("B", 1), 3: ("H", 2), 4: ("I", 4), 5: ("II", 8), 9: ("i", 4), 10:
 @dataclass(frozen=True)
 class Exif:
     """`orientation` 1..8 as EXIF numbers it; `focal_35mm` the 35 mm equivalent focal length in mm, None when unknown;
-    `focal_mm` the real one, None when unknown; `model` the camera's name as it writes it, empty when unknown.
+    `focal_mm` the real one, None when unknown; `model` and `lens` the names of camera and lens as the camera writes them,
+    empty when unknown.
     """
 
     orientation: int = 1
     focal_35mm: float | None = None
     focal_mm: float | None = None
     model: str = ""
+    lens: str = ""
 
 
 def read_exif(data: bytes) -> Exif:
@@ -41,22 +43,24 @@ def read_exif(data: bytes) -> Exif:
     should fail for that.
     """
     block = find_exif(data)
-    tags, model = _read_main(block)
+    tags, names = _read_main(block)
     orientation = int(tags.get(ORIENTATION, 1))
     focal = tags.get(FOCAL_LENGTH, 0.0)
-    return Exif(orientation if 1 <= orientation <= 8 else 1, _focal_35mm(tags), focal if focal > 0 else None, model)
+    said = names.get(MODEL, ""), names.get(LENS_MODEL, "")
+    return Exif(orientation if 1 <= orientation <= 8 else 1, _focal_35mm(tags), focal if focal > 0 else None, *said)
 
 
-def _read_main(block: bytes) -> tuple[dict[int, float], str]:
-    """The numbers of the block's first directory and of its EXIF directory, and the camera's model."""
+def _read_main(block: bytes) -> tuple[dict[int, float], dict[int, str]]:
+    """The numbers and the names in the block's first directory and in its EXIF directory, by their tags."""
     order = BYTE_ORDERS.get(block[:4])
     if order is None or len(block) < FIRST_DIRECTORY.stop:
-        return {}, ""
+        return {}, {}
     main = list(_entries(block, order, struct.unpack(order + "I", block[FIRST_DIRECTORY])[0]))
     tags = _numbers(main, order)
     if EXIF_IFD in tags:
-        tags |= _numbers(_entries(block, order, int(tags[EXIF_IFD])), order)
-    return tags, next((_text(entry) for entry in main if (entry.tag, entry.kind) == (MODEL, ASCII)), "")
+        main += _entries(block, order, int(tags[EXIF_IFD]))
+        tags = _numbers(main, order)
+    return tags, {entry.tag: _text(entry) for entry in main if entry.kind == ASCII and entry.tag in (MODEL, LENS_MODEL)}
 
 
 def tiff_size(data: bytes) -> tuple[int, int] | None:

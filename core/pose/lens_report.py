@@ -37,9 +37,18 @@ def lens_numbers(solution: FittedCamera, photo: Intrinsics) -> tuple[LensNumber,
     )
 
 
+def shared_numbers(lens: Intrinsics, std: FloatArray) -> tuple[LensNumber, ...]:
+    """The numbers of a lens that photos share, whose deviations are `std` (9,) of `lens.NAMES`."""
+    values = (lens.focal, lens.cx, lens.cy, *lens.dist, lens.fx / lens.fy)
+    rows = zip(LENS_NUMBERS, values, _photo_units(std, lens), strict=True)
+    return tuple(LensNumber(name, "shared", float(value), float(s)) for name, value, s in rows)
+
+
 def lens_evidence(solution: FittedCamera, guess: Intrinsics) -> LensEvidence | None:
-    """What a photo can tell others of its lens, which was guessed as `guess`; None where not all of it was solved for."""
-    if solution.information is None or not set(MODES["full"]) <= set(solution.solved):
+    """What a photo can tell others of its lens, which was guessed as `guess`; None where not all of it was solved for, or where
+    it was given, for a calibration is that of its photo alone.
+    """
+    if solution.information is None or not set(MODES["full"]) <= set(solution.solved) or solution.prior.calibrated:
         return None
     return LensEvidence(solution.information, guess, float(solution.prior.std[0]))
 

@@ -36,16 +36,17 @@ class RefineProgress:
     record: IterationRecord | None = None
 
 
-LensState = Literal["given", "solved", "held"]
+LensState = Literal["given", "solved", "held", "shared"]
 # The numbers of a lens that a report tells of, in this order.
 LENS_NUMBERS = ("focal", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "squeeze")
 
 
 @dataclass(frozen=True)
 class LensNumber:
-    """One number of a lens: "given" with a calibration, "solved" for, or "held" at its guess because the matches did not ask
-    for another one. `std`: standard deviation of the value, infinite where nothing bounds it. "focal" (the geometric mean
-    of fx and fy), "cx" and "cy" are pixels of the photo at its full size, "squeeze" is fx / fy.
+    """One number of a lens: "given" with a calibration, "solved" for, "held" at its guess because the matches did not ask for
+    another one, or "shared" with other photos of one lens (`shared_lens`). `std`: standard deviation of the value, infinite
+    where nothing bounds it. "focal" (the geometric mean of fx and fy), "cx" and "cy" are pixels of the photo at its full size,
+    "squeeze" is fx / fy.
     """
 
     name: str
@@ -132,7 +133,7 @@ class RefineReport:
     terms; `seconds` is wall time; `quality` is the evidence and says which pose it belongs to, None when no pose was found;
     `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop"); `lens` says of each number of the lens
     whether it was solved for and how sure it is, empty where no pose was found; `lens_evidence` is what the photo can tell
-    other photos of that lens, None where not all of it was solved for.
+    other photos of that lens, None where not all of it was solved for, or it was given.
     """
 
     camera: Camera
@@ -150,4 +151,4 @@ class RefineReport:
     @property
     def solved_lens(self) -> bool:
         """Whether anything of the lens was solved for."""
-        return any(number.state == "solved" for number in self.lens)
+        return any(number.state in ("solved", "shared") for number in self.lens)

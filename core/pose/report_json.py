@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -12,7 +13,7 @@ from ..cameras.files import StartCamera, camera_to_dict
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics, Pose
-from .report import LENS_NUMBERS, IterationRecord, LensEvidence, PoseQuality, RefineReport
+from .report import LENS_NUMBERS, IterationRecord, LensEvidence, LensNumber, PoseQuality, RefineReport
 
 # Six of the pose, and those of the lens.
 LENS_UNKNOWNS = 6 + len(LENS_NUMBERS)
@@ -31,7 +32,7 @@ def report_to_dict(report: RefineReport) -> dict[str, Any]:
         "quality": quality_to_dict(report.quality) if report.quality else None,
         "lens_evidence": None if report.lens_evidence is None else _evidence(report.lens_evidence),
         "stage": report.stage,
-        "lens": {n.name: {"state": n.state, "value": n.value, "std": _number(n.std)} for n in report.lens},
+        "lens": lens_to_dict(report.lens),
         "start": pose_to_dict(report.start.pose),
     }
 
@@ -55,6 +56,28 @@ def quality_to_dict(quality: PoseQuality) -> dict[str, Any]:
     """The evidence; "of" says of which pose, which "pose" holds."""
     values = {field.name: getattr(quality, field.name) for field in fields(quality)}
     return {name: _value(value) for name, value in values.items()}
+
+
+def quality_from_dict(data: Any) -> PoseQuality:
+    """The evidence as `quality_to_dict` wrote it; what JSON could not hold is NaN. Raises KeyError, TypeError or ValueError, or
+    CameraError, when it is something else.
+    """
+    pose = Pose(np.array(data["pose"]["R"], np.float64), np.array(data["pose"]["t"], np.float64))
+    values: dict[str, Any] = {f.name: math.nan if data[f.name] is None else data[f.name] for f in fields(PoseQuality)}
+    return PoseQuality(**(values | {"pose": pose}))
+
+
+def lens_to_dict(numbers: Sequence[LensNumber]) -> dict[str, Any]:
+    return {n.name: {"state": n.state, "value": n.value, "std": _number(n.std)} for n in numbers}
+
+
+def lens_from_dict(data: Any) -> tuple[LensNumber, ...]:
+    """The numbers of a lens as `lens_to_dict` wrote them. Raises KeyError, TypeError or ValueError for anything else."""
+    numbers = [(name, data[name]) for name in LENS_NUMBERS]
+    return tuple(
+        LensNumber(name, n["state"], float(n["value"]), math.inf if n["std"] is None else float(n["std"]))
+        for name, n in numbers
+    )
 
 
 def _evidence(known: LensEvidence) -> dict[str, Any]:

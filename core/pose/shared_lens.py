@@ -12,16 +12,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from ..geometry.camera import Camera, FloatArray, Intrinsics, pose_error
 from ..geometry.lie import se3_exp
 from .report import LensEvidence
-from .shared.lens import GUESS_STD, lens_difference, moved_lens
+from .shared.lens import GUESS_STD, SQUEEZE, lens_difference, moved_lens
 
 # A photo whose lens lies farther from that of the others is not of that lens: squared distance in deviations, of nine numbers
 # that chance brings beyond this once in a hundred thousand times.
 MAX_DISTANCE = 38.0
 MIN_PHOTOS = 2
+# A smaller logarithm of a ratio of fx to fy is what rounding leaves of one that was held.
+SAME_SQUEEZE = 1e-9
+IndexArray = npt.NDArray[np.int64]
 P = slice(0, 6)
 L = slice(6, 15)
 
@@ -53,22 +57,29 @@ class SharedLens:
 
 def share_lens(cameras: Sequence[Camera], evidence: Sequence[LensEvidence]) -> SharedLens | None:
     """The lens that the most of the photos agree on; None where no two of them do. All are of one size."""
-    members = list(range(len(cameras)))
-    reference = cameras[0].intrinsics if cameras else None
-    if reference is None:
+    if not cameras:
         return None
-    says = [_Statement.of(camera, known, reference) for camera, known in zip(cameras, evidence, strict=True)]
+    reference, says = cameras[0].intrinsics, _Statements.of(cameras, evidence)
     prior = _prior(evidence[0])
     centre = prior @ lens_difference(evidence[0].guess, reference)
+    members = np.arange(len(cameras))
     while len(members) >= MIN_PHOTOS:
-        S = prior + sum(says[i].A for i in members)
-        b = centre + sum(says[i].b for i in members)
-        distances = {i: says[i].distance(S, b) for i in members}
-        worst = max(members, key=lambda i: distances[i])
+        S, b = prior + says.A[members].sum(0), centre + says.b[members].sum(0)
+        distances = says.distances(members, S, b)
+        worst = int(np.argmax(distances))
         if distances[worst] <= MAX_DISTANCE:
-            return _shared(members, cameras, evidence, moved_lens(reference, np.linalg.solve(S, b)), np.linalg.inv(S))
-        members.remove(worst)
+            lens = moved_lens(reference, np.linalg.solve(S, b))
+            return _shared(members.tolist(), cameras, evidence, lens, np.linalg.inv(S))
+        members = np.delete(members, worst)
     return None
+
+
+def _information(camera: Camera, known: LensEvidence) -> FloatArray:
+    """What a photo's matches know (15, 15), without what they say of pixels that were taken for square: these stay so."""
+    H = known.information.copy()
+    if abs(lens_difference(camera.intrinsics, known.guess)[SQUEEZE]) < SAME_SQUEEZE:
+        H[6 + SQUEEZE] = H[:, 6 + SQUEEZE] = 0.0
+    return H
 
 
 def _prior(known: LensEvidence) -> FloatArray:
@@ -79,28 +90,34 @@ def _prior(known: LensEvidence) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Statement:
-    """A photo's cost in the lens l about the reference's: l^T A l / 2 - b^T l."""
+class _Statements:
+    """Each photo's cost in the lens l about that of the first one: l^T A l / 2 - b^T l. A (N, 9, 9), b (N, 9), `inverse` the
+    pseudoinverses of A.
+    """
 
     A: FloatArray
     b: FloatArray
+    inverse: FloatArray
 
     @classmethod
-    def of(cls, camera: Camera, known: LensEvidence, reference: Intrinsics) -> _Statement:
-        H = known.information
-        A = H[L, L] - H[L, P] @ np.linalg.pinv(H[P, P], hermitian=True) @ H[P, L]
-        own = lens_difference(camera.intrinsics, reference)
-        # The photo's own answer balances its matches and its prior, so that the gradient of the matches is minus the prior's.
-        pull = _prior(known) @ lens_difference(camera.intrinsics, known.guess)
-        return cls(A, A @ own + pull)
+    def of(cls, cameras: Sequence[Camera], evidence: Sequence[LensEvidence]) -> _Statements:
+        reference = cameras[0].intrinsics
+        H = np.stack([_information(*pair) for pair in zip(cameras, evidence, strict=True)])
+        A = H[:, L, L] - H[:, L, P] @ np.linalg.pinv(H[:, P, P], hermitian=True) @ H[:, P, L]
+        own = np.stack([lens_difference(camera.intrinsics, reference) for camera in cameras])
+        # A photo's own answer balances its matches and its prior, so that the gradient of the matches is minus the prior's.
+        pairs = zip(cameras, evidence, strict=True)
+        pull = np.stack([_prior(known) @ lens_difference(camera.intrinsics, known.guess) for camera, known in pairs])
+        return cls(A, np.einsum("nij,nj->ni", A, own) + pull, np.linalg.pinv(A, hermitian=True))
 
-    def distance(self, S: FloatArray, b: FloatArray) -> float:
-        """Squared distance, in deviations, of the photo's lens from that of the others, who with it and the prior make up S
+    def distances(self, members: IndexArray, S: FloatArray, b: FloatArray) -> FloatArray:
+        """Squared distances, in deviations, of each member's lens from that of the others, who with it and the prior make up S
         and b.
         """
-        others = np.linalg.solve(S - self.A, b - self.b)
-        v = self.b - self.A @ others
-        return float(v @ np.linalg.pinv(self.A, hermitian=True) @ v - v @ np.linalg.solve(S, v))
+        A, own, inverse = self.A[members], self.b[members], self.inverse[members]
+        others = np.linalg.solve(S - A, (b - own)[..., None])[..., 0]
+        v = own - np.einsum("nij,nj->ni", A, others)
+        return np.asarray(np.einsum("ni,nij,nj->n", v, inverse, v) - np.einsum("ni,ij,nj->n", v, np.linalg.inv(S), v))
 
 
 def _shared(
@@ -117,7 +134,7 @@ def _shared(
 
 def _moved(camera: Camera, known: LensEvidence, lens: Intrinsics, covariance: FloatArray) -> SharedPhoto:
     """A photo's camera under the shared lens, whose covariance (9, 9) is that of all photos together."""
-    H = known.information
+    H = _information(camera, known)
     own = np.linalg.pinv(H[P, P], hermitian=True)
     follow = -own @ H[P, L]
     pose = se3_exp(follow @ lens_difference(lens, camera.intrinsics)) @ camera.pose

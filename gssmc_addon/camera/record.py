@@ -18,10 +18,13 @@ from ...core.cameras.files import camera_from_dict, camera_to_dict
 from ...core.errors import GssmcError
 from ...core.geometry.camera import Camera, Pose
 from ...core.geometry.lie import so3_exp, so3_log
+from ...core.pose.shared_records import PhotoSolution, own_record, takes_part
 
 log = logging.getLogger(__name__)
 
 NAMES = ("verdict", "iterations", "seconds", "lens_state", "median_depth", "points", "frame")
+# What of a photo's own record is of no use for sharing its lens with other photos.
+NOT_OWN = ("iterations", "start", "seconds", "stage")
 POSE_NUMBERS = 6  # Per frame: rotation vector and translation, then fx, fy, cx, cy where the lens differs.
 
 
@@ -30,7 +33,9 @@ class SolvedCamera:
     """The record. `camera` belongs to the photo at the size that was refined; `frame` of the scene where the photo moves.
 
     `median_depth` is in units of the splat's file, `points` the splat's count; `lens_state` as in camera_props. `path`: of a
-    moving plate the camera at each frame that got a key.
+    moving plate the camera at each frame that got a key. `own`: the record of the photo's own solution with what it left for
+    sharing its lens (`own_part`), as text because panels read solutions at every drawing; "" where it can share none. It goes
+    where the solution goes: a camera that is solved anew has another one, and of one that was changed neither holds.
     """
 
     camera: Camera
@@ -43,6 +48,7 @@ class SolvedCamera:
     points: int = 0
     frame: int | None = None
     path: Mapping[int, Camera] = field(default_factory=dict)
+    own: str = ""
 
     def camera_at(self, frame: int) -> Camera | None:
         """The camera at a frame of the scene; None where a path has no key."""
@@ -65,11 +71,27 @@ def read(data: bpy.types.Camera) -> SolvedCamera | None:
         return None
 
 
+def own_part(record: Mapping[str, Any]) -> str:
+    """What of a photo's record, as the engine gives it, is kept for sharing its lens; "" where it can share none."""
+    own = own_record(dict(record))
+    return json.dumps({name: value for name, value in own.items() if name not in NOT_OWN}) if takes_part(own) else ""
+
+
+def own_of(solution: SolvedCamera) -> dict[str, Any] | None:
+    """The record of the photo's own solution; None where there is none that can be used."""
+    try:
+        own: dict[str, Any] = json.loads(solution.own)
+    except ValueError:
+        return None
+    return own if isinstance(own, dict) and PhotoSolution.of(own) is not None else None
+
+
 def dumps(solution: SolvedCamera) -> str:
     """The record as JSON text, which `loads` gives back; what JSON has no word for (NaN) must not be in it."""
     path = {str(frame): _numbers(camera, solution.camera) for frame, camera in solution.path.items()}
     values = {name: getattr(solution, name) for name in NAMES}
-    return json.dumps({**camera_to_dict(solution.camera), **values, "reasons": list(solution.reasons), "path": path})
+    values |= {"reasons": list(solution.reasons), "path": path, "own": solution.own}
+    return json.dumps({**camera_to_dict(solution.camera), **values})
 
 
 def loads(text: str) -> SolvedCamera:
@@ -87,6 +109,7 @@ def loads(text: str) -> SolvedCamera:
         int(data["points"]),
         None if data["frame"] is None else int(data["frame"]),
         {int(frame): _with_numbers(camera, numbers) for frame, numbers in data["path"].items()},
+        str(data.get("own", "")),
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from ...core.errors import CameraError
 from ...core.geometry.camera import Intrinsics, Pose, pose_error
 from ...core.pose.report import RefineReport
+from ...core.pose.report_json import report_to_dict
 from ..photo import image as photo_image
 from ..plate import source as plate_source
 from ..registration.camera_props import keep_verdict
@@ -54,6 +55,7 @@ def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
         report.seconds,
         "SOLVED" if solved else lens_state,
         depth if math.isfinite(depth) else 0.0,
+        own=camera_record.own_part(report_to_dict(report)) if report.lens_evidence else "",
     )
 
 

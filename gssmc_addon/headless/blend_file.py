@@ -19,6 +19,7 @@ from ...core.photos.photo import read_photo
 from ...core.pose.report_json import report_to_dict
 from ...core.splats import read_splats
 from ..camera import bridge as camera_bridge
+from ..camera import record as camera_record
 from ..camera import solution as camera_solution
 from ..camera.record import SolvedCamera
 from ..photo import camera as photo_camera
@@ -103,5 +104,6 @@ def _keep_verdict(obj: bpy.types.Object, camera: Camera, said: dict[str, Any]) -
     state = "SOLVED" if solved else obj.data.gssmc.lens_state
     depth = (said.get("quality") or {}).get("median_depth") or 0.0
     reasons = tuple(said["reasons"])
-    solution = SolvedCamera(camera, said["verdict"], reasons, rounds, said["seconds"], state, depth)
+    own = camera_record.own_part(said)
+    solution = SolvedCamera(camera, said["verdict"], reasons, rounds, said["seconds"], state, depth, own=own)
     camera_solution.keep(scene, obj, scene.gssmc.splat, solution)

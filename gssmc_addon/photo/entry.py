@@ -19,5 +19,10 @@ class GssmcPhoto(bpy.types.PropertyGroup):
         "file": StringProperty(name="File", description="The file of a photo that could not be read"),
         "error": StringProperty(name="Error", description="Why the photo could not be read or refined"),
         "note": StringProperty(name="Note", description="How the photo was found, or what was tried, in a second pass"),
+        "lens_group": StringProperty(
+            name="Lens Group",
+            description="Photos with the same name here share one lens. Empty: those of the same camera, lens, focal length "
+            "and size, as their EXIF says",
+        ),
         "ticked": BoolProperty(name="Ticked", description="Refine Ticked takes this photo", default=True),
     }

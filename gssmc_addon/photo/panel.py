@@ -79,6 +79,7 @@ class GSSMC_PT_photos(panels._Sidebar, bpy.types.Panel):
         if own.photos:
             _draw_review(layout)
             _draw_refine(layout, context)
+            _draw_lens(layout, context)
             _draw_said(layout, context)
 
 
@@ -103,6 +104,15 @@ def _draw_refine(layout: bpy.types.UILayout, context: bpy.types.Context) -> None
         row.label(text=title)
         row.operator(f"gssmc.{name}", text="Ticked").which = "TICKED"
         row.operator(f"gssmc.{name}", text="All").which = "ALL"
+
+
+def _draw_lens(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Sharing the lens, and the group of the picked photo."""
+    own = context.scene.gssmc
+    row = layout.row(align=True)
+    row.operator("gssmc.same_lens", icon="LINKED")
+    if own.photo_index < len(own.photos):
+        row.prop(own.photos[own.photo_index], "lens_group", text="", placeholder="Group by EXIF")
 
 
 def _draw_said(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

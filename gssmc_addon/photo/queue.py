@@ -81,6 +81,10 @@ class RefineQueue(RetryQueue):
         self._said = ""  # What the panel says of the present try, before its progress.
         self._tried = 0  # How many starts the present photo of the second pass has.
 
+    @property
+    def scene(self) -> bpy.types.Scene:
+        return by_uid(bpy.data.scenes, self._scene)
+
     def close(self) -> None:
         self._renderer.close()
 

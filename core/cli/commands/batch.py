@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...batch.keys import BatchQuery, query_keys
+from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
 from ...batch.store import ResultStore
 from ...cameras import pose_list, short
@@ -30,6 +31,7 @@ from ..maps import MapFlags, add_map_flags, check_results
 from ..outcome import FAILED_VERDICT, OK, Outcome, has_camera
 from ..paths import check_outputs
 from ..rounds import TO_FIND, Rounds
+from ..sharing import SHARED_LENS_HELP, share_lenses
 
 UNUSABLE = "not usable"  # of a photo that could not be tried at all
 ENDINGS = ("trusted", "check", "failed", UNUSABLE)
@@ -52,6 +54,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     workers = os.cpu_count() or 1
     workers_help = f"processes, each holds the scan ({workers})"
     parser.add_argument("--workers", type=whole_number, default=workers, metavar="N", help=workers_help)
+    parser.add_argument("--shared-lens", choices=SHARING, default="auto", help=SHARED_LENS_HELP)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser, skip=("threads",))
     return parser
@@ -75,6 +78,7 @@ def run(args: argparse.Namespace) -> Outcome:
             be = "was finished before and is" if kept == 1 else "were finished before and are"
             message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
         Rounds(args.scene, args.workers, settings, flags if args.locate else None).run(queries, store)
+        share_lenses(args.shared_lens, queries, store)
     records = [store.records[i] for i in range(len(queries))]
     _say_lost(records, args.out)
     counts = Counter(_ending(record) for record in records)

@@ -136,17 +136,15 @@ def test_batch_runs_nothing_of_the_folder_that_blender_was_started_in(main, file
     assert not (files / "sprung").exists()
 
 
-@pytest.mark.parametrize(("lens", "state"), [("solved", "SOLVED"), ("given", "CALIBRATED")])
+@pytest.mark.parametrize(("lens", "state"), [("solved", "SOLVED"), ("shared", "SOLVED"), ("given", "CALIBRATED")])
 def test_a_solved_camera_is_saved_with_what_it_was_solved_to_be(bpy, extension, files, lens, state):
     """By the report that a refinement ends with; the saved file knows when the camera is moved."""
     reports, outcome = extension("core.pose.report"), extension("core.cli.outcome")
     (camera, *_) = extension("core.cameras.files").read_cameras(files / "cameras.json")
     evidence = {name: 1.0 for name in reports.PoseQuality.__dataclass_fields__}
     start = extension("core.geometry.camera").Camera(camera.intrinsics, extension("core.geometry.camera").Pose())
-    numbers = (reports.LensNumber("focal", lens, camera.intrinsics.focal, 1.0),)
-    report = reports.RefineReport(
-        camera, start, "trusted", ("It sits.",), (), 1.0, reports.PoseQuality(**evidence), "joint", numbers
-    )
+    quality, numbers = reports.PoseQuality(**evidence), (reports.LensNumber("focal", lens, 80.0, 0.1),)
+    report = reports.RefineReport(camera, start, "trusted", ("It sits.",), (), 1.0, quality, "joint", numbers)
     made = outcome.Outcome(0, files / "scan.ply", (camera,), (files / "a.png",), (report,))
     extension("gssmc_addon.headless.blend_file").save(files / "out.blend", made, None, "Z_UP")
     bpy.ops.wm.open_mainfile(filepath=str(files / "out.blend"))

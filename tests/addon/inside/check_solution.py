@@ -22,7 +22,7 @@ def apply(bpy, extension):
     evidence = {name: 1.0 for name in reports.PoseQuality.__dataclass_fields__}
     quality = reports.PoseQuality(**evidence | {"median_depth": DEPTH})
 
-    def write(verdict="trusted", lens="focal", camera=None, focal=80.0, quality=quality, reasons=("It sits.",)):
+    def write(verdict="trusted", lens="solved", camera=None, focal=80.0, quality=quality, reasons=("It sits.",)):
         scene = bpy.context.scene
         camera = camera or scene.camera
         found = engine.Camera(
@@ -31,7 +31,7 @@ def apply(bpy, extension):
         )
         start = extension("gssmc_addon.camera.bridge").read_camera(scene, camera, scene.gssmc.splat).at_size(60, 90)
         end = start if verdict == "failed" else found
-        numbers = (reports.LensNumber("focal", "given" if lens == "fixed" else "solved", focal, 1.0),)
+        numbers = (reports.LensNumber("focal", lens, focal, 0.1),)
         report = reports.RefineReport(end, start, verdict, reasons, (), 3.0, quality, "joint", numbers)
         photo = extension("gssmc_addon.photo.image").camera_photo(camera)
         jobs.apply_report(jobs.Targets.of(scene, scene.gssmc.splat, camera, photo), report)
@@ -372,19 +372,19 @@ def test_moving_with_the_view_ends_with_a_solution(bpy, extension, scene, apply)
 # The lens: guessed, solved, or calibrated, and only the user says the last.
 
 
-def source(bpy, extension):
-    """What Refine would take the lens for: a guess that is solved for, or a calibration that is held."""
+def solves(bpy, extension):
+    """Whether Refine would solve for the lens when Solve For is Auto."""
     scene, settings = bpy.context.scene, extension("core.pose.settings").RefineSettings()
     job = extension("gssmc_addon.refine.job").prepare(scene, scene.gssmc.splat, scene.camera, settings)
-    return extension("core.pose.shared.lens").LensPrior.of(job.inputs.camera.at_size(60, 90)).source
+    return extension("core.pose.refine").solves_lens(settings, job.inputs.camera.at_size(60, 90))
 
 
 @pytest.mark.parametrize("verdict", ["trusted", "check"])
 def test_a_solved_lens_is_a_start_and_no_calibration(bpy, extension, scene, apply, verdict):
     note = scene.camera.data.gssmc
-    assert (note.lens_state, source(bpy, extension)) == ("GUESSED", "guess")
+    assert (note.lens_state, solves(bpy, extension)) == ("GUESSED", True)
     apply(verdict, focal=80.0)
-    assert (note.lens_state, source(bpy, extension)) == ("SOLVED", "guess")
+    assert (note.lens_state, solves(bpy, extension)) == ("SOLVED", True)
     assert photo_pose(bpy, extension).intrinsics.fx == pytest.approx(80, rel=1e-6)
     apply("failed")
     assert note.lens_state == "SOLVED"
@@ -393,10 +393,10 @@ def test_a_solved_lens_is_a_start_and_no_calibration(bpy, extension, scene, appl
 def test_a_calibration_is_held_and_stays_one(bpy, extension, scene, apply):
     note = scene.camera.data.gssmc
     note.lens_state = "CALIBRATED"
-    assert source(bpy, extension) == "calibrated"
-    apply(lens="fixed")
+    assert not solves(bpy, extension)
+    apply(lens="given")
     assert note.lens_state == "CALIBRATED"
-    apply(lens="full")
+    apply(lens="solved")
     assert note.lens_state == "SOLVED", "the value is no longer the user's"
 
 
@@ -423,7 +423,7 @@ def test_a_calibration_of_an_older_version_outlives_a_refinement(bpy, scene, app
     note = scene.camera.data.gssmc
     note.lens_calibrated = True
     note.property_unset("lens_said")
-    apply(lens="fixed")
+    apply(lens="given")
     assert note.lens_state == "CALIBRATED"
 
 

@@ -270,3 +270,41 @@ def test_a_record_that_takes_the_place_of_another_and_cannot_be_written_leaves_t
                 store.put(0, record(0, verdict="trusted"))
         assert store.records[0]["verdict"] == "check"
     assert [f["verdict"] for f in frames(path)] == ["check"]
+
+
+def shared(i):
+    return record(i, verdict="trusted", own={"verdict": "check"})
+
+
+def test_shared_records_stand_in_the_results_and_the_own_ones_come_back(path):
+    with ResultStore(path, KEYS) as store:
+        for i in (2, 0, 3, 1):
+            store.put(i, record(i))
+        assert '"own"' not in journal(path).read_text()
+        for i in (1, 3):
+            store.share(i, shared(i))
+        assert store.records[1]["verdict"] == "trusted"
+    first = path.read_text()
+    assert [f["verdict"] for f in frames(path)] == ["check", "trusted", "check", "trusted"]
+    with ResultStore(path, KEYS) as store:
+        assert path.read_text() == first, "nothing is lost by a run that is killed at once"
+        assert {i: r["verdict"] for i, r in store.records.items()} == dict.fromkeys(range(4), "check")
+        assert all("own" not in r for r in store.records.values())
+        for i in (3, 1):
+            store.share(i, {**store.records[i], "verdict": "trusted", "own": {"verdict": "check"}})
+    assert path.read_text() == first
+    resumed(path)  # a run that shares nothing
+    assert [f["verdict"] for f in frames(path)] == ["check"] * 4
+    assert "own" not in path.read_text()
+
+
+def test_a_photo_that_is_added_leaves_the_own_records_of_the_others(path):
+    with ResultStore(path, KEYS[:2]) as store:
+        for i in range(2):
+            store.put(i, record(i))
+            store.share(i, shared(i))
+    store = ResultStore(path, KEYS)
+    store.__enter__()
+    store.put(2, record(2))
+    killed(store)
+    assert {i: r["verdict"] for i, r in resumed(path).items()} == dict.fromkeys(range(3), "check")

@@ -1,37 +1,17 @@
 """One lens for many photos, against exact truth: closer than each by itself, and a photo of another lens is left out."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from geometry import CAMERA, fan, make_matches, random_pose, world
+from solved_photos import GUESS, LENS, OTHER, solved_photo
 
-from core.geometry.camera import Camera, pose_error
-from core.pose.final.joint import JointProblem, fit_joint
-from core.pose.shared.lens import ALL, GUESS_STD, CameraUnknowns, LensPrior
-from core.pose.shared_lens import LensEvidence, share_lens
-
-LENS = replace(CAMERA, fx=540.0, fy=540.0, cx=330.0, cy=232.0, dist=(-0.06, 0.01, 0.001, -0.0005, 0.0))
-OTHER = replace(LENS, fx=600.0, fy=600.0, dist=(0.05, 0.0, 0.0, 0.0, 0.0))
-GUESS = replace(CAMERA, fx=500.0, fy=500.0, cx=320.0, cy=240.0)
-
-
-def _solved(seed, lens, noise=0.5):
-    """A photo's true pose, its own solution without knowing the lens, and what that leaves."""
-    rng = np.random.default_rng(seed)
-    truth, points = random_pose(rng), world(rng, 120)
-    views = [make_matches(rng, truth, v, points, noise) for v in fan(rng, truth, 5)]
-    pixels = [lens.project(np.column_stack([v.query, np.ones(len(v))])) for v in views]
-    views = [replace(v, query=GUESS.normalise(p)) for v, p in zip(views, pixels, strict=True)]
-    problem = JointProblem.of(views, GUESS, LensPrior(GUESS, GUESS_STD, "guess"), ALL)
-    fit = fit_joint(CameraUnknowns(truth, replace(GUESS, fx=lens.fx, fy=lens.fy)), problem, "joint")
-    camera = Camera(fit.camera.intrinsics, fit.camera.pose, f"{seed}.jpg")
-    return truth, camera, LensEvidence(fit.evidence.information, GUESS)
+from core.geometry.camera import pose_error
+from core.pose.shared.lens import GUESS_STD, MODES
+from core.pose.shared_lens import share_lens
 
 
 @pytest.fixture(scope="module")
 def photos():
-    return [_solved(seed, LENS) for seed in range(8)]
+    return [solved_photo(seed, LENS) for seed in range(8)]
 
 
 def _share(photos):
@@ -85,21 +65,27 @@ def _difference(now, prior):
 
 
 def test_a_photo_of_another_lens_keeps_its_own(photos):
-    shared = _share([*photos[:3], _solved(50, OTHER), *photos[3:]])
+    shared = _share([*photos[:3], solved_photo(50, OTHER), *photos[3:]])
     assert shared.others == (3,)
     assert abs(shared.intrinsics.focal / LENS.focal - 1) < 0.01
 
 
 def test_two_photos_that_disagree_share_nothing(photos):
-    assert _share([photos[0], _solved(50, OTHER)]) is None
+    assert _share([photos[0], solved_photo(50, OTHER)]) is None
     assert _share(photos[:1]) is None and _share([]) is None
 
 
 def test_the_stated_deviations_are_the_errors():
     ratios = []
     for group in range(6):
-        photos = [_solved(100 + 10 * group + i, LENS) for i in range(4)]
+        photos = [solved_photo(100 + 10 * group + i, LENS) for i in range(4)]
         shared = _share(photos)
         for i, (truth, _, _) in enumerate(photos):
             ratios.append(pose_error(shared.photos[i].camera.pose, truth)[0] / shared.photos[i].translation_std_units)
     assert 0.2 < np.sqrt(np.mean(np.square(ratios))) < 1.2  # noise alone, without a splat's own errors, is overstated
+
+
+def test_pixels_that_were_square_stay_square():
+    square = [solved_photo(seed, LENS, free=MODES["full"]) for seed in range(3)]
+    k = _share(square).intrinsics
+    assert k.fx == pytest.approx(k.fy, rel=1e-12)

@@ -6,7 +6,7 @@ import zlib
 import cv2
 import numpy as np
 
-SHORT, LONG, RATIONAL = 3, 4, 5
+ASCII, SHORT, LONG, RATIONAL = 2, 3, 4, 5
 
 
 def picture(height=48, width=64):
@@ -20,7 +20,7 @@ def picture(height=48, width=64):
 
 
 def exif(main=None, sub=None, order="<"):
-    """An EXIF block; `main` and `sub` map tag -> (type, value), a rational's value being (top, bottom)."""
+    """An EXIF block; `main` and `sub` map tag -> (type, value), a rational's value being (top, bottom), a text's a str."""
     main = dict(main or {})
     if sub:
         main[0x8769] = (LONG, 0)
@@ -34,8 +34,14 @@ def exif(main=None, sub=None, order="<"):
     for tags in (main, sub) if sub else (main,):
         out += struct.pack(order + "H", len(tags))
         for tag, (kind, value) in sorted(tags.items()):
-            out += struct.pack(order + "HHI", tag, kind, 1)
-            if kind == RATIONAL:
+            text = value.encode() + b"\0" if kind == ASCII else b""
+            out += struct.pack(order + "HHI", tag, kind, len(text) or 1)
+            if len(text) > 4:
+                out += struct.pack(order + "I", tail_at + len(tail))
+                tail += text
+            elif text:
+                out += text.ljust(4, b"\0")
+            elif kind == RATIONAL:
                 out += struct.pack(order + "I", tail_at + len(tail))
                 tail += struct.pack(order + "II", *value)
             else:
