@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..gssmc_addon.photo.adding import photos_in
+from ..gssmc_addon.photo import adding
 from .add_photos import AddsPhotos
 
 
@@ -20,11 +20,17 @@ class GSSMC_OT_add_photo_folder(AddsPhotos, bpy.types.Operator):
     __annotations__ = {**AddsPhotos.__annotations__}
 
     def _chosen(self) -> list[Path]:
-        """The photos of the folder that the browser shows; scripts may name the folder or a photo in it."""
+        return adding.photos_in(self._folder())
+
+    def _others(self) -> list[str]:
+        return adding.others_in(self._folder())
+
+    def _folder(self) -> Path:
+        """The folder that the browser shows; scripts may name the folder or a photo in it."""
         if not self.directory and self.filepath:
             path = Path(bpy.path.abspath(self.filepath))
-            return photos_in(path if path.is_dir() else path.parent)
-        return photos_in(Path(bpy.path.abspath(self.directory)))
+            return path if path.is_dir() else path.parent
+        return Path(bpy.path.abspath(self.directory))
 
 
 classes = (GSSMC_OT_add_photo_folder,)

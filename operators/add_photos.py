@@ -27,7 +27,8 @@ class AddsPhotos(JobFromFile):
         "camera_file": StringProperty(
             name="Camera File",
             subtype="FILE_PATH",
-            description="Optional JSON file of cameras; those that name a photo give it lens, distortion and start pose",
+            description="Optional file of cameras (JSON, COLMAP, nerfstudio, Metashape and others); those that name a photo give it "
+            "lens, distortion and start pose",
         ),
     }
 
@@ -38,10 +39,17 @@ class AddsPhotos(JobFromFile):
     def make_job(self, context: bpy.types.Context) -> adding.AddPhotosJob:
         context.view_layer.update()
         known = photo_list.files(context.scene)
-        paths = [path for path in map(Path.absolute, self._chosen()) if str(path) not in known]
+        chosen = [path.absolute() for path in self._chosen()]
+        paths = [path for path in chosen if str(path) not in known]
         if not paths:
             raise RefineError(rpt_("All of these photos are on the list already."))
-        return adding.AddPhotosJob(context.scene, paths, self.camera_file)
+        job = adding.AddPhotosJob(context.scene, paths, self.camera_file)
+        job.known, job.others = len(chosen) - len(paths), self._others()
+        return job
+
+    def _others(self) -> list[str]:
+        """Names of files that were left out because they are no photos."""
+        return []
 
     def apply(self, context: bpy.types.Context, job: adding.AddPhotosJob, result: Any) -> set[str]:
         scene = context.scene
@@ -50,7 +58,7 @@ class AddsPhotos(JobFromFile):
         for name, message in job.failed:
             photo_list.add_unreadable(scene, name, message)
         photo_list.pick(scene, by_uid(scene.objects, job.added[0]))
-        return self.done(context, job.summary(), "WARNING" if job.failed else "INFO")
+        return self.done(context, job.summary(), "WARNING" if job.failed or job.others else "INFO")
 
     def broke_off(self, context: bpy.types.Context, job: adding.AddPhotosJob, message: str) -> set[str]:
         """Keeps what was added before; without this it would be in no undo step."""

@@ -15,14 +15,14 @@ from ..gssmc_addon.support.texts import rpt_
 
 
 class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
-    """Import cameras, with their photos, from a COLMAP model, transforms.json or camera JSON of the splat's own world"""
+    """Import cameras, with their photos, from a file of COLMAP, nerfstudio, Metashape and others, in the splat's own world"""
 
     bl_idname = "gssmc.import_cameras"
     bl_label = "Import Cameras"
     bl_options = {"UNDO"}
 
     __annotations__ = {
-        "filter_glob": StringProperty(default="*.json;*.txt;*.bin", options={"HIDDEN"}),
+        "filter_glob": StringProperty(default="*.json;*.txt;*.bin;*.xml;*.csv;*.sfm;*.out;*.nvm", options={"HIDDEN"}),
         "photos": StringProperty(
             name="Photos",
             subtype="DIR_PATH",
@@ -63,7 +63,11 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
             sentences.append(rpt_("1 without a lens was left out."))
         elif job.left_out:
             sentences.append(rpt_("{count} without a lens were left out.", count=job.left_out))
-        return self.done(context, " ".join(sentences))
+        if job.unfit:
+            sentences.append(rpt_("{count} do not fit their photos and were left out:", count=len(job.unfit)))
+            sentences.append(job.unfit[0])
+        sentences += job.notes
+        return self.done(context, " ".join(sentences), "WARNING" if job.unfit or job.notes else "INFO")
 
     def stopped(self, context: bpy.types.Context, job: CameraImport) -> set[str]:
         return self.refuse(context, rpt_("The import was cancelled; nothing was changed."), level="INFO")

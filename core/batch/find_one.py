@@ -8,7 +8,8 @@ from typing import Any
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..geometry.camera import Camera
 from ..locate import FindReport, Hypothesis, PhotoLens
-from ..photos.photo import Photo, check_size
+from ..photos.fit import fit_lens
+from ..photos.photo import Photo
 from ..pose.report_json import failed_to_dict, pose_to_dict, report_to_dict
 
 Record = dict[str, Any]
@@ -20,7 +21,7 @@ def find_target(photo: Photo, wanted: Camera | Unplaced) -> PhotoLens:
 
     Raises PhotoError when the lens does not fit the photo.
     """
-    lens = None if wanted.intrinsics is None else check_size(photo, wanted.intrinsics)
+    lens = None if wanted.intrinsics is None else fit_lens(photo, wanted.intrinsics, wanted.pixel_order)
     return PhotoLens(photo, lens, wanted.focal_guessed)
 
 

@@ -10,13 +10,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..cameras import match_names, queries, read
+from ..cameras import camera_file, detect, has_queries, match_names, queries, read
 from ..cameras.files import StartCamera, parse_file
 from ..cameras.pose_list import checked
 from ..cameras.unplaced import Unplaced, wanted_from_dict
 from ..errors import CameraError, DatasetError, PhotoError, UsageError
 from ..geometry.camera import Camera
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
+from ..photos.places import PhotoFinder
 from ..support.words import counted
 from .keys import Refused
 
@@ -39,7 +40,8 @@ def find_queries(args: argparse.Namespace) -> BatchPhotos:
 
     A record that cannot be used is Refused, by itself. Raises UsageError or DatasetError, and CameraError where no record can.
     """
-    if args.queries.is_dir():
+    given = args.start is not None or args.focal is not None
+    if args.queries.is_dir() and (given or has_queries(args.queries)):
         found = _from_dataset(args.queries, args.start, args.focal, args.locate)
     else:
         found = _from_cameras(args.queries, args.start, args.focal, args.locate)
@@ -77,16 +79,29 @@ def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate:
 
 
 def _from_cameras(file: Path, start: Path | None, focal: float | None, locate: bool) -> BatchPhotos:
-    """Records of a JSON file, each with its photo relative to that file. Raises CameraError when none of them can be used."""
-    records = parse_file(file, partial(_record, locate=locate))
+    """Records of a camera file or folder, each with its photo beside it or in a folder named images near it. Raises CameraError
+    when none of them can be used.
+    """
+    records, notes = _records(file, locate)
     for flag, value in (("--start", start), ("--focal", focal)):
         if value is not None:
             raise UsageError(f"{flag} goes with a data set's folder; '{file.name}' brings its own cameras.")
     refused = [record for record in records if isinstance(record, Refused)]
     if len(refused) == len(records):
         raise CameraError(refused[0].sentence)
-    photos = [file.resolve().parent / record.file for record in records]
-    return _with_lenses(records, photos)
+    finder, folder = PhotoFinder(file.resolve()), file.resolve() if file.is_dir() else file.resolve().parent
+    # A photo that is nowhere is refused when its turn comes.
+    photos = [finder.find(record.file) or folder / record.file for record in records]
+    found = _with_lenses(records, photos)
+    return replace(found, notes=(*notes, *found.notes))
+
+
+def _records(file: Path, locate: bool) -> tuple[Sequence[StartCamera | Unplaced | Refused], tuple[str, ...]]:
+    """The records of a file, and sentences on what of another layout than ours is left out."""
+    if file.exists() and detect(file) not in (None, "cameras"):
+        found = camera_file(file)
+        return found.records, found.notes
+    return parse_file(file, partial(_record, locate=locate)), ()
 
 
 def _record(data: Any, name: str, locate: bool) -> StartCamera | Unplaced | Refused:
@@ -126,7 +141,7 @@ def _with_lenses(records: Sequence[StartCamera | Unplaced | Refused], photos: li
         except PhotoError as error:
             cameras.append(Refused(record, str(error)))
             continue
-        assumed += [guess] if guess else []
+        assumed += [guess] if guess and record.tells_no_lens else []
         cameras.append(_with_lens(record, guess))
     if not assumed:
         return BatchPhotos(cameras, photos)
@@ -141,4 +156,5 @@ def _with_lenses(records: Sequence[StartCamera | Unplaced | Refused], photos: li
 def _with_lens(record: StartCamera | Unplaced, guess: LensGuess | None) -> Camera | Unplaced:
     lens = record.intrinsics or (guess.intrinsics if guess else None)
     assert lens is not None
-    return record.camera(lens) if isinstance(record, StartCamera) else record.with_guess(lens)
+    turn = guess.orientation if guess else 1
+    return record.camera(lens, turn) if isinstance(record, StartCamera) else record.with_guess(lens)

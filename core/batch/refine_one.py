@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from ..geometry.camera import Camera
+from ..photos.fit import fit_camera
 from ..photos.mask import masked
-from ..photos.photo import Photo, check_size, read_photo
+from ..photos.photo import Photo, read_photo
 from ..pose.refine import refine
 from ..pose.report import RefineProgress, RefineReport
 from ..pose.settings import RefineSettings
@@ -27,6 +27,5 @@ def refine_photo(
     settings: RefineSettings,
     on_progress: Callable[[RefineProgress], None] | None = None,
 ) -> RefineReport:
-    """Fits the camera to the photo's size and refines it. Raises the GssmcError of whatever cannot be used."""
-    fitted = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
-    return refine(renderer, photo, fitted, settings, on_progress)
+    """Fits the camera to the photo and refines it. Raises the GssmcError of whatever cannot be used."""
+    return refine(renderer, photo, fit_camera(photo, camera), settings, on_progress)

@@ -26,6 +26,7 @@ from ..processes.requests import Requests
 from ..render import Renderer, RenderSettings
 from ..splats import read_splats
 from .find_one import find_target, found_to_dict
+from .place import into_file, record_into_scene
 from .refine_one import read_masked_photo, refine_photo
 
 Record = dict[str, Any]
@@ -46,14 +47,17 @@ def main() -> int:
         return 0
     renderer, settings = Renderer(scene, RenderSettings.for_scene(scene, threads=1)), RefineSettings(**first["settings"])
     requests.answer({"dropped": scene.dropped})
+    origin = scene.origin
     del scene
     while True:
         job, _ = requests.next()
         mask = Path(job["mask"]) if job.get("mask") else None
+        camera = record_into_scene(job["camera"], origin)
         if landmarks is None:
-            requests.answer(refine_record(renderer, settings, job["camera"], Path(job["photo"]), mask))
+            record = refine_record(renderer, settings, camera, Path(job["photo"]), mask)
         else:
-            requests.answer(RecordFinder(renderer, settings, landmarks).record(job["camera"], Path(job["photo"]), mask))
+            record = RecordFinder(renderer, settings, landmarks).record(camera, Path(job["photo"]), mask)
+        requests.answer(into_file(record, origin))
 
 
 def refine_record(
@@ -75,7 +79,7 @@ class RecordFinder:
         so.
         """
         given = wanted_from_dict(camera_dict)
-        wanted = given if isinstance(given, Unplaced) else Unplaced(given.file, given.intrinsics, given.focal_guessed)
+        wanted = given if isinstance(given, Unplaced) else Unplaced.of(given)
         return _guarded(wanted, lambda: self._found(wanted, photo, mask))
 
     def _found(self, wanted: Unplaced, photo: Path, mask: Path | None) -> Record:

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import DatasetError
+from ..errors import CameraError, DatasetError
+from ..support.words import counted
 from . import cambridge, camera_json, colmap, inria, nerfstudio, pose_list, seven_scenes
 from .files import StartCamera
 from .names import match_names
+from .programs import bundler, meshroom, metashape, ns_export, nvm, opensfm, others, realitycapture
 from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
-from .unplaced import read_wanted
-
-log = logging.getLogger(__name__)
+from .unplaced import Unplaced, read_wanted
 
 __all__ = [
     "LAYOUTS",
+    "CameraFile",
     "Layout",
     "PoseSet",
     "PosedFrame",
     "QueryPhoto",
     "Split",
+    "camera_file",
     "detect",
+    "has_queries",
     "match_names",
     "queries",
     "read",
@@ -43,11 +45,32 @@ class Layout:
     queries: Callable[[Path, float | None], list[QueryPhoto]] | None = None
 
 
+@dataclass(frozen=True)
+class CameraFile:
+    """The records of a file, in its order, and sentences on what of it is left out."""
+
+    records: tuple[StartCamera | Unplaced, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def placed(self) -> tuple[StartCamera, ...]:
+        """Those that have a pose."""
+        return tuple(one for one in self.records if isinstance(one, StartCamera))
+
+
 LAYOUTS: dict[str, Layout] = {
     "7scenes": Layout(seven_scenes.detect, seven_scenes.read, seven_scenes.queries),
     "cambridge": Layout(cambridge.detect, cambridge.read, cambridge.queries),
     "nerfstudio": Layout(nerfstudio.detect, nerfstudio.read),
     "inria": Layout(inria.detect, inria.read),
+    "ns-export": Layout(ns_export.detect, ns_export.read),
+    "opensfm": Layout(opensfm.detect, opensfm.read),
+    "meshroom": Layout(meshroom.detect, meshroom.read),
+    "metashape": Layout(metashape.detect, metashape.read),
+    "realitycapture": Layout(realitycapture.detect, realitycapture.read),
+    "bundler": Layout(bundler.detect, bundler.read),
+    "nvm": Layout(nvm.detect, nvm.read),
+    "others": Layout(others.detect, others.read),
     "cameras": Layout(camera_json.detect, camera_json.read),
     "colmap": Layout(colmap.detect, colmap.read),
     "poses": Layout(pose_list.detect, pose_list.read),
@@ -60,28 +83,55 @@ def detect(path: Path) -> str | None:
 
 
 def read(path: Path, split: Split = "test") -> PoseSet:
-    """The poses at `path`. `split` matters to layouts that have one. Raises DatasetError or CameraError."""
-    return LAYOUTS[_known(path)].read(path, split)
+    """The poses at `path`. `split` matters to layouts that have one. Raises DatasetError or CameraError, also where only one of
+    the records cannot be used.
+    """
+    found = LAYOUTS[_known(path)].read(path, split)
+    if found.bad:
+        raise DatasetError(found.bad[0])
+    return found
 
 
-def starts(path: Path) -> list[StartCamera]:
-    """The cameras at `path`, in any layout, as starts of refinements; photos without a pose are left out, which is logged.
+def camera_file(path: Path) -> CameraFile:
+    """The cameras at `path`, in any layout, with or without poses; a record that cannot be used is left out, with a note.
 
     Raises DatasetError or CameraError.
     """
+    if not path.exists():
+        raise CameraError(f"There is no camera file at '{path}'; check the path.")
     if _known(path) == "cameras":
-        return _placed(path)
-    return [StartCamera(frame.pose, frame.name, frame.intrinsics) for frame in read(path).frames]
+        return CameraFile(tuple(read_wanted(path)))
+    found = LAYOUTS[_known(path)].read(path, "test")
+    records = [
+        StartCamera(one.pose, one.name, one.intrinsics, pixel_order=found.pixel_order, lens_of_size=one.lens_of_size)
+        for one in found.frames
+        if one.is_picture
+    ]
+    if not records:
+        raise DatasetError(
+            " ".join(found.notes) or f"No camera in '{path.name}' has a pose; give a file of cameras with poses."
+        )
+    return CameraFile(tuple(records), (*found.notes, *_lacking(found.unsolved, found.unsolved + len(found.frames), path)))
 
 
-def _placed(path: Path) -> list[StartCamera]:
-    wanted = read_wanted(path)
-    found = [one for one in wanted if isinstance(one, StartCamera)]
-    if not found:
+def starts(path: Path) -> CameraFile:
+    """As `camera_file`, without the photos that have no pose."""
+    found = camera_file(path)
+    if not found.placed:
         raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
-    if len(found) < len(wanted):
-        log.warning("%d of %d cameras in '%s' have no pose and are left out", len(wanted) - len(found), len(wanted), path.name)
-    return found
+    count = len(found.records)
+    return CameraFile(found.placed, (*found.notes, *_lacking(count - len(found.placed), count, path)))
+
+
+def _lacking(rest: int, count: int, path: Path) -> tuple[str, ...]:
+    """What is said of the records of a file that have no pose."""
+    return (f"Without a pose, hence left out: {rest} of {counted(count, 'camera')} in '{path.name}'.",) if rest else ()
+
+
+def has_queries(path: Path) -> bool:
+    """Whether `queries` gives the test photos of a folder; one of no layout counts, so that its error is told."""
+    layout = detect(path)
+    return layout is None or LAYOUTS[layout].queries is not None
 
 
 def queries(path: Path, focal: float | None = None) -> list[QueryPhoto]:

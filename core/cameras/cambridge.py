@@ -84,9 +84,9 @@ def _listed_lenses(path: Path, names: list[str]) -> list[Intrinsics]:
     listed: dict[str, Intrinsics] = {}
     for where, columns in data_lines(path):
         lens = read_lens(columns[1:], where)
-        if lens is None:
-            raise DatasetError(f"{where} has a lens model that is not supported; use PINHOLE, RADIAL or OPENCV.")
-        listed[columns[0]] = lens
+        if lens.intrinsics is None:
+            raise DatasetError(f"{where} has a lens that is not supported ({lens.problem}); use PINHOLE, RADIAL or OPENCV.")
+        listed[columns[0]] = lens.intrinsics
     if len(listed) == 1:
         return [*listed.values()] * len(names)
     found = match_names(names, list(listed), LISTS["test"], path.name)

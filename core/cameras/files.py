@@ -3,7 +3,8 @@
 A camera is {"file", "width", "height", "fx", "fy", "cx", "cy", "dist": [k1, k2, p1, p2(, k3)], "R": 3x3, "t": [3]};
 world-to-camera, OpenCV axes, pixel centres at +0.5. "file" and "dist" may be left out; "focal_guessed": true says that the
 focal length is no calibration, and so does the "lens" of a result for which it was solved. A start may leave out its whole
-lens (see `StartCamera`): the photo then gives one.
+lens (see `StartCamera`): the photo then gives one. "orientation": "stored" says that the camera belongs to the photo's pixels
+before EXIF turns them; "upright", which is also what a file without it means, that it belongs to them afterwards.
 """
 
 from __future__ import annotations
@@ -12,39 +13,57 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
 from ..errors import CameraError
-from ..geometry.camera import Camera, Intrinsics, Pose
+from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
+from ..geometry.turned_photo import is_quarter_turn, upright_pose
 from ..support.atomic import atomic_write
-from .types import lens_of_file
+from .types import LensOfSize, lens_of_file
 
 T = TypeVar("T")
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
+ORDER = "orientation"
 
 
 @dataclass(frozen=True)
 class StartCamera:
-    """A rough camera as its file gives it: `intrinsics` is None where the file tells a pose and no lens."""
+    """A rough camera as its file gives it: `intrinsics` is None where the file tells a pose and no lens; `lens_of_size` is the
+    lens that it tells for want of the photo's size. `pixel_order` as in Camera.
+    """
 
     pose: Pose
     file: str = ""
     intrinsics: Intrinsics | None = None
     focal_guessed: bool = False
+    pixel_order: PixelOrder = "upright"
+    lens_of_size: LensOfSize | None = None
 
-    def camera(self, guess: Intrinsics) -> Camera:
-        """The camera; `guess` takes the place of a lens that the file does not tell."""
+    @property
+    def tells_no_lens(self) -> bool:
+        return self.intrinsics is None and self.lens_of_size is None
+
+    def camera(self, guess: Intrinsics, orientation: int = 1) -> Camera:
+        """The camera; `guess` takes the place of a lens that the file does not tell. It belongs to the upright photo; the
+        photo's EXIF `orientation` then turns a pose of the stored pixels. Raises CameraError where the lens is none.
+        """
+        if self.intrinsics is None and self.lens_of_size is not None:
+            turned = self.pixel_order == "stored" and is_quarter_turn(orientation)
+            size = (guess.height, guess.width) if turned else (guess.width, guess.height)
+            return Camera(self.lens_of_size(*size), self.pose, self.file, self.focal_guessed, self.pixel_order)
         if self.intrinsics is None:
-            return Camera(guess, self.pose, self.file, focal_guessed=True)
-        return Camera(self.intrinsics, self.pose, self.file, self.focal_guessed)
+            pose = upright_pose(self.pose, orientation) if self.pixel_order == "stored" else self.pose
+            return Camera(guess, pose, self.file, focal_guessed=True)
+        return Camera(self.intrinsics, self.pose, self.file, self.focal_guessed, self.pixel_order)
 
     def to_dict(self) -> dict[str, Any]:
         """The start as JSON holds it, without the keys of a lens where it has none."""
         if self.intrinsics is not None:
             return camera_to_dict(self.camera(self.intrinsics))
-        return {"file": self.file, "R": self.pose.R.tolist(), "t": self.pose.t.tolist()}
+        pose = {"R": self.pose.R.tolist(), "t": self.pose.t.tolist()}
+        return {"file": self.file, **order_to_dict(self.pixel_order), **pose}
 
 
 def read_cameras(path: str | Path) -> list[Camera]:
@@ -89,13 +108,20 @@ def write_cameras(path: str | Path, cameras: list[Camera]) -> None:
 
 
 def camera_to_dict(camera: Camera) -> dict[str, Any]:
-    """The camera as JSON holds it; `dist` has k1 k2 p1 p2, and k3 where it is not zero; "focal_guessed" stands where true."""
+    """The camera as JSON holds it; `dist` has k1 k2 p1 p2, and k3 where it is not zero; "focal_guessed" stands where true, and
+    "orientation" where the camera is not of the upright photo.
+    """
     k = camera.intrinsics
     numbers = {name: getattr(k, name) for name in NUMBERS}
     dist = list(k.dist if k.dist[4] else k.dist[:4])
     guessed = {"focal_guessed": True} if camera.focal_guessed else {}
     pose = {"R": camera.pose.R.tolist(), "t": camera.pose.t.tolist()}
-    return {"file": camera.file, **numbers, "dist": dist, **guessed, **pose}
+    return {"file": camera.file, **numbers, "dist": dist, **guessed, **order_to_dict(camera.pixel_order), **pose}
+
+
+def order_to_dict(order: PixelOrder) -> dict[str, str]:
+    """The key that says so, where the camera belongs to the stored pixels."""
+    return {} if order == "upright" else {ORDER: order}
 
 
 def camera_from_dict(data: Any, name: str = "The camera") -> Camera:
@@ -110,6 +136,7 @@ def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
     whole = isinstance(data, dict) and any(key in data for key in (*NUMBERS, "dist"))
     _check_keys(data, (*(NUMBERS if whole else ()), "R", "t"), name)
     lens = _lens(data, name) if whole else None
+    order = _pixel_order(data, name)
     R, t = _numbers(data["R"], (3, 3), name, "R"), _numbers(data["t"], (3,), name, "t")
     file, guessed = data.get("file", ""), data.get("focal_guessed", False)
     if not isinstance(file, str):
@@ -117,7 +144,7 @@ def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
     if not isinstance(guessed, bool):
         raise CameraError(f'{name} has the entry "focal_guessed", which is neither true nor false; correct it.')
     try:
-        return StartCamera(Pose(R, t), file, lens, guessed or lens is None or solved_lens(data))
+        return StartCamera(Pose(R, t), file, lens, guessed or lens is None or solved_lens(data), order)
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
 
@@ -138,6 +165,13 @@ def _check_keys(data: Any, keys: tuple[str, ...], name: str) -> None:
     missing = [key for key in keys if key not in data]
     if missing:
         raise CameraError(f"{name} lacks {', '.join(missing)}; give width, height, fx, fy, cx, cy, R and t.")
+
+
+def _pixel_order(data: dict[str, Any], name: str) -> PixelOrder:
+    order: PixelOrder = data.get(ORDER, "upright")
+    if order not in get_args(PixelOrder):
+        raise CameraError(f'{name} has an {ORDER} that is neither "upright" nor "stored"; correct it.')
+    return order
 
 
 def _lens(data: dict[str, Any], name: str) -> Intrinsics:

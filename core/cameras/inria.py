@@ -7,6 +7,7 @@ centre is the image's.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from ..errors import CameraError, DatasetError
 from ..geometry.camera import Intrinsics, Pose
 from .files import load_json
 from .text import head
-from .types import PosedFrame, PoseSet, Split, pose_set
+from .types import PosedFrame, PoseSet, Split, collect, pose_set
 
 FILE = "cameras.json"
 SIGNS = ('"img_name"', '"position"', '"rotation"')
@@ -34,7 +35,9 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     records = load_json(path)
     if not isinstance(records, list):
         raise DatasetError(f"'{path.name}' is no list of cameras; give the cameras.json of a training's output folder.")
-    return pose_set(path, [_frame(record, f"Camera {i} of '{path.name}'") for i, record in enumerate(records, 1)], metric=False)
+    numbered = [(record, f"Camera {number} of '{path.name}'") for number, record in enumerate(records, 1)]
+    frames, bad = collect(numbered, lambda one: _frame(*one))
+    return replace(pose_set(path, frames, metric=False, bad=bad), pixel_order="stored")
 
 
 def _frame(record: Any, where: str) -> PosedFrame:

@@ -1,25 +1,34 @@
-"""nerfstudio's (and instant-ngp's) transforms.json: camera-to-world matrices of OpenGL cameras, in the file's own unit."""
+"""nerfstudio's (and instant-ngp's) transforms.json: camera-to-world matrices of OpenGL cameras, in the file's own unit.
+
+They belong to the photos' pixels as they are stored: neither COLMAP, which places them, nor nerfstudio turns photos by EXIF.
+"""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..errors import CameraError, DatasetError
 from ..geometry.camera import Camera, Intrinsics, Pose
 from ..geometry.conventions import pose_from_opengl, pose_to_opengl
+from ..geometry.foreign_lens import BROWN, PANORAMAS, Lens, lens_of
 from ..support.atomic import atomic_write
 from .files import load_json
 from .text import head
-from .types import PosedFrame, PoseSet, Split, lens_of_file, pose_set
+from .types import PosedFrame, PoseSet, Split, collect, lens_of_file, pose_set
 
 FILE = "transforms.json"
 SIGNS = ('"transform_matrix"', '"fl_x"', '"camera_angle_x"')
-NEEDED = ("w", "h", "fl_x", "cx", "cy")
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")
+COEFFICIENTS = ("k1", "k2", "k3", "k4", "p1", "p2")
+NUMBERS = ("fl_x", "fl_y", "camera_angle_x", "camera_angle_y", "cx", "cy", *COEFFICIENTS)
+# camera_model to the model of foreign_lens; what is not here has that name there, or none.
+MODELS = {name: BROWN for name in ("", "OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")}
+MODELS |= {"FISHEYE": "OPENCV_FISHEYE", "OMNIDIRECTIONALSTEREO_L": "EQUIRECTANGULAR"}
 
 
 def detect(path: Path) -> bool:
@@ -40,8 +49,9 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     records = data.get("frames") if isinstance(data, dict) else None
     if not isinstance(records, list):
         raise DatasetError(f"'{file.name}' has no list of cameras under \"frames\"; give at least one camera there.")
-    frames = [_frame(record, data, f"Camera {number} of '{file.name}'") for number, record in enumerate(records, 1)]
-    return pose_set(path, frames, metric=False)
+    numbered = [(f"Camera {number} of '{file.name}'", record) for number, record in enumerate(records, 1)]
+    frames, bad = collect(numbered, lambda one: _frame(one[1], data, one[0]))
+    return replace(pose_set(path, frames, metric=False, bad=bad), pixel_order="stored")
 
 
 def write_transforms(path: Path, cameras: Sequence[Camera]) -> None:
@@ -64,7 +74,19 @@ def _frame(record: Any, top: dict[str, Any], where: str) -> PosedFrame:
     name = record.get("file_path") if isinstance(record, dict) else None
     if not isinstance(name, str) or not name or "transform_matrix" not in record:
         raise DatasetError(f'{where} lacks "file_path" or "transform_matrix"; export it again.')
-    return PosedFrame(name, _pose(record["transform_matrix"], where), _lens({**top, **record}))
+    pose = _pose(record["transform_matrix"], where)
+    # A frame's own values go before those of the file; null is as good as nothing.
+    values = {key: value for key, value in {**top, **record}.items() if value is not None}
+    try:
+        lens_of_size = _lens(values)
+        if lens_of_size is None:
+            return PosedFrame(name, pose)
+        if "w" not in values or "h" not in values:
+            return PosedFrame(name, pose, lens_of_size=lambda width, height: _exact(lens_of_size(width, height)))
+        lens = lens_of_size(int(float(values["w"])), int(float(values["h"])))
+    except (TypeError, ValueError, OverflowError, ZeroDivisionError, CameraError):
+        return PosedFrame(name, pose, problem="the lens is left out, for its values make none")
+    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture)
 
 
 def _pose(matrix: Any, where: str) -> Pose:
@@ -75,19 +97,36 @@ def _pose(matrix: Any, where: str) -> Pose:
         raise DatasetError(f"{where} cannot be used: {said}") from None
 
 
-def _lens(values: dict[str, Any]) -> Intrinsics | None:
-    """The lens where the file tells one that `Intrinsics` holds; poses can be compared without."""
-    try:
-        if "fl_x" not in values and "camera_angle_x" in values:
-            values = {**values, "fl_x": 0.5 * values["w"] / math.tan(0.5 * values["camera_angle_x"])}
-        width, height, fx, cx, cy = (float(values[name]) for name in NEEDED)
-        k1, k2, p1, p2, k3 = (float(values.get(name, 0.0)) for name in DISTORTION)
-        if "FISHEYE" in str(values.get("camera_model", "")) or values.get("k4"):
-            return None
-        fy = float(values.get("fl_y", fx))
-        return lens_of_file(Intrinsics(int(width), int(height), fx, fy, cx, cy, (k1, k2, p1, p2, k3)))
-    except (KeyError, TypeError, ValueError, OverflowError, ZeroDivisionError, CameraError):
+def _exact(lens: Lens) -> Intrinsics:
+    if lens.intrinsics is None:
+        raise CameraError(f"The photo's lens cannot be used: {lens.problem}.")
+    return lens.intrinsics
+
+
+def _lens(values: dict[str, Any]) -> Callable[[int, int], Lens] | None:
+    """What the file tells of a lens, for a photo of a width and height: the centre is the photo's where none is given, and the
+    focal length may be said as an angle. None where it tells none. Raises ValueError and the like.
+    """
+    model = str(values.get("camera_model", "")).upper()
+    model = MODELS.get(model, model)
+    if model not in PANORAMAS and not any(key in values for key in ("fl_x", "fl_y", "camera_angle_x", "camera_angle_y")):
         return None
+    numbers = {key: float(values[key]) for key in NUMBERS if key in values}
+
+    def at(width: int, height: int) -> Lens:
+        fx, fy = (_focal(numbers, axis, size) for axis, size in (("x", width), ("y", height)))
+        fx, fy = fx or fy or float(width), fy or fx or float(width)
+        pinhole = Intrinsics(width, height, fx, fy, numbers.get("cx", width / 2), numbers.get("cy", height / 2))
+        return lens_of(model, lens_of_file(pinhole), {key: numbers[key] for key in COEFFICIENTS if key in numbers})
+
+    return at
+
+
+def _focal(numbers: dict[str, float], axis: str, size: int) -> float | None:
+    if f"fl_{axis}" in numbers:
+        return numbers[f"fl_{axis}"]
+    angle = numbers.get(f"camera_angle_{axis}")
+    return None if angle is None else size / 2 / math.tan(angle / 2)
 
 
 def _lens_record(k: Intrinsics) -> dict[str, float]:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 from ..errors import CameraError, DatasetError
-from ..geometry.camera import Intrinsics, Pose
+from ..geometry.camera import Intrinsics, PixelOrder, Pose
 from ..photos.size import size_problem
+from ..support.words import counted
 
 Split = Literal["test", "train"]
+# The lens of a photo of (width, height) pixels as stored. Raises CameraError.
+LensOfSize = Callable[[int, int], Intrinsics]
+T = TypeVar("T")
 # An error shows so many characters of a name.
 LONGEST_NAME = 100
 
@@ -20,24 +25,42 @@ LONGEST_NAME = 100
 class PosedFrame:
     """A photo's name as its file spells it, its pose (world-to-camera, the file's own world and unit), and its lens where
     the file tells one that `Intrinsics` can hold.
+
+    `lens_of_size`: the lens where the file does not tell the photo's size. `problem`: why there is no lens, or what is wrong
+    with it, as part of a sentence; `is_picture`: False for a panorama, which no lens took.
     """
 
     name: str
     pose: Pose
     intrinsics: Intrinsics | None = None
+    lens_of_size: LensOfSize | None = None
+    problem: str = ""
+    is_picture: bool = True
 
 
 @dataclass(frozen=True)
 class PoseSet:
     """The poses of one file or folder, in its order. `metric`: the layout's unit is the metre.
 
-    `unsolved` counts the photos that the file lists without an answer of their own.
+    `unsolved` counts the photos that the file lists without an answer of their own. `pixel_order`: whether the layout's
+    programs turn photos as EXIF says before they place them (`Camera`). `bad`: a sentence for each record that cannot be used.
     """
 
     source: str
     frames: tuple[PosedFrame, ...]
     metric: bool = True
     unsolved: int = 0
+    pixel_order: PixelOrder = "upright"
+    bad: tuple[str, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what of the file is left out."""
+        said = Counter(frame.problem for frame in self.frames if frame.problem)
+        notes = [f"{counted(count, 'camera')} of '{self.source}': {problem}." for problem, count in said.items()]
+        if self.bad:
+            notes.append(f"{counted(len(self.bad), 'camera')} of '{self.source}' cannot be used and left out: {self.bad[0]}")
+        return tuple(notes)
 
     @property
     def names(self) -> list[str]:
@@ -67,8 +90,21 @@ def short(name: str) -> str:
     return line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 3] + "..."
 
 
-def pose_set(path: Path, frames: Sequence[PosedFrame], metric: bool, unsolved: int = 0) -> PoseSet:
+def collect(records: Iterable[T], frame_of: Callable[[T], PosedFrame]) -> tuple[list[PosedFrame], tuple[str, ...]]:
+    """The frames of a file's records, and a sentence for each record of which none can be made."""
+    frames, bad = [], []
+    for record in records:
+        try:
+            frames.append(frame_of(record))
+        except (DatasetError, CameraError) as error:
+            bad.append(str(error))
+    return frames, tuple(bad)
+
+
+def pose_set(path: Path, frames: Sequence[PosedFrame], metric: bool, unsolved: int = 0, bad: tuple[str, ...] = ()) -> PoseSet:
     """A PoseSet named after `path`. Raises DatasetError when it is empty or holds a name twice."""
+    if not frames and bad:
+        raise DatasetError(bad[0])
     if not frames and not unsolved:
         raise DatasetError(f"'{path}' holds no poses; give the file or folder that has them.")
     seen: set[str] = set()
@@ -76,4 +112,4 @@ def pose_set(path: Path, frames: Sequence[PosedFrame], metric: bool, unsolved: i
         if frame.name in seen:
             raise DatasetError(f"'{path.name}' holds '{short(frame.name)}' more than once; leave one pose for each photo.")
         seen.add(frame.name)
-    return PoseSet(path.name or str(path), tuple(frames), metric, unsolved)
+    return PoseSet(path.name or str(path), tuple(frames), metric, unsolved, bad=bad)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ..geometry.camera import Camera, Intrinsics, Pose
+from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
 from .files import NUMBERS, StartCamera, camera_to_dict, parse_file, start_from_dict
 
 POSE = ("R", "t")
@@ -17,20 +17,27 @@ POSE = ("R", "t")
 
 @dataclass(frozen=True)
 class Unplaced:
-    """A photo without a pose: `intrinsics` at its full size, None where nothing tells its lens."""
+    """A photo without a pose: `intrinsics` at its full size, None where nothing tells its lens; `pixel_order` as in Camera."""
 
     file: str = ""
     intrinsics: Intrinsics | None = None
     focal_guessed: bool = False
+    pixel_order: PixelOrder = "upright"
+
+    @property
+    def tells_no_lens(self) -> bool:
+        return self.intrinsics is None
 
     def with_guess(self, guess: Intrinsics) -> Unplaced:
         """The same; `guess` takes the place of a lens that is not known."""
-        return self if self.intrinsics is not None else replace(self, intrinsics=guess, focal_guessed=True)
+        if self.intrinsics is not None:
+            return self
+        return replace(self, intrinsics=guess, focal_guessed=True, pixel_order="upright")
 
     @classmethod
-    def of(cls, camera: Camera) -> Unplaced:
-        """What is left of a camera whose pose is not known."""
-        return cls(camera.file, camera.intrinsics, camera.focal_guessed)
+    def of(cls, camera: Camera | StartCamera) -> Unplaced:
+        """What is left of a camera whose pose is not known, or not to be used."""
+        return cls(camera.file, camera.intrinsics, camera.focal_guessed, camera.pixel_order)
 
 
 def read_wanted(path: str | Path) -> list[StartCamera | Unplaced]:
@@ -46,7 +53,7 @@ def wanted_from_dict(data: Any, name: str = "The camera") -> StartCamera | Unpla
         return start_from_dict(data, name)
     lens = {key: value for key, value in data.items() if value is not None and key not in POSE}
     start = start_from_dict({**lens, "R": Pose().R.tolist(), "t": [0.0, 0.0, 0.0]}, name)
-    return Unplaced(start.file, start.intrinsics, start.focal_guessed and start.intrinsics is not None)
+    return Unplaced(start.file, start.intrinsics, start.focal_guessed and start.intrinsics is not None, start.pixel_order)
 
 
 def is_unplaced(data: Any) -> bool:
@@ -65,5 +72,5 @@ def wanted_to_dict(wanted: Camera | StartCamera | Unplaced) -> dict[str, Any]:
         return wanted.to_dict()
     if wanted.intrinsics is None:
         return {"file": wanted.file, "R": None, "t": None}
-    camera = Camera(wanted.intrinsics, Pose(), wanted.file, focal_guessed=wanted.focal_guessed)
+    camera = Camera(wanted.intrinsics, Pose(), wanted.file, wanted.focal_guessed, wanted.pixel_order)
     return {**camera_to_dict(camera), "R": None, "t": None}

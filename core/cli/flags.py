@@ -14,9 +14,10 @@ from ..features.frontend import check_choice
 from ..pose.settings import RefineSettings
 from ..support.options import options_of
 
-SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz or .splat"
+SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz, .sog, .glb or .splat"
 
 
+CAMERAS_HELP = "cameras: our JSON, COLMAP, nerfstudio and every other layout of docs/formats.md"
 MASK_HELP = "what to leave out of matching: a picture, or a folder of them named as the photos; white: use, black: leave out"
 
 

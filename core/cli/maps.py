@@ -100,7 +100,7 @@ class MapFlags:
         raise UsageError(f"The map cannot be written to '{files[0]}' ({reasons[0]}); give another file with --map.")
 
     def cache(self, scene: GaussianScene) -> MapCache:
-        return MapCache(scene, self.place, self.settings, self.known)
+        return MapCache(scene, self.place, self.settings, [camera.relative_to(scene.origin) for camera in self.known])
 
 
 def whole_map(cache: MapCache) -> LandmarkMap:

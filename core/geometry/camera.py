@@ -7,6 +7,7 @@ the top-left pixel is (0.5, 0.5). A pose is world-to-camera: x_c = R x_w + t.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import CameraError
 
 FloatArray = NDArray[np.float64]
+
+# Whether a camera belongs to a photo's pixels upright, as EXIF turns them, or as the file stores them.
+PixelOrder = Literal["upright", "stored"]
 
 UNDISTORT_ITERATIONS = 20
 UNDISTORT_EPS = 1e-13
@@ -191,6 +195,11 @@ class Pose:
         R = np.asarray(R, np.float64)
         return cls(R, -R @ np.asarray(centre, np.float64))
 
+    def relative_to(self, origin: ArrayLike) -> Pose:
+        """The same camera among points of which `origin` (3,) was subtracted; itself where that is zero."""
+        shift = np.asarray(origin, np.float64)
+        return Pose(self.R, self.t + self.R @ shift) if shift.any() else self
+
     def inverse(self) -> Pose:
         return Pose(self.R.T, -self.R.T @ self.t)
 
@@ -208,12 +217,19 @@ class Camera:
     """A posed camera and the image file it belongs to (empty when there is none).
 
     `focal_guessed`: the focal length is a guess (from EXIF, or by eye), not a calibration.
+    `pixel_order`: "stored" for a camera of the photo's pixels before its EXIF rotation, as COLMAP makes them; the engine works
+    with upright ones (`photos.fit`).
     """
 
     intrinsics: Intrinsics
     pose: Pose
     file: str = ""
     focal_guessed: bool = False
+    pixel_order: PixelOrder = "upright"
+
+    def relative_to(self, origin: ArrayLike) -> Camera:
+        """The same camera among points of which `origin` (3,) was subtracted."""
+        return replace(self, pose=self.pose.relative_to(origin))
 
 
 def rotation_angle_deg(R: ArrayLike) -> float:

@@ -39,6 +39,8 @@ def scan_digest(scene: GaussianScene) -> str:
     for values in (scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh):
         digest.update(str(values.shape).encode())
         digest.update(np.ascontiguousarray(values).data)
+    if scene.antialiased:
+        digest.update(b"antialiased")
     return digest.hexdigest()
 
 

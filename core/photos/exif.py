@@ -1,4 +1,6 @@
-"""The few EXIF tags that place a photo: orientation, focal length and camera model, from JPEG, PNG, WebP and TIFF bytes."""
+"""The few EXIF tags that place a photo: orientation, focal length and camera model, from the bytes of JPEG, PNG, WebP, TIFF,
+AVIF and HEIC files.
+"""
 
 from __future__ import annotations
 
@@ -8,27 +10,28 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from . import jpeg
+from .containers import heif
+from .containers.tiff import BYTE_ORDERS, FIRST_DIRECTORY
 
 ORIENTATION, EXIF_IFD, MODEL, LENS_MODEL = 0x0112, 0x8769, 0x0110, 0xA434
-TIFF_WIDTH, TIFF_HEIGHT = 0x0100, 0x0101
 ASCII, MODEL_CHARACTERS = 2, 64
 FOCAL_LENGTH, FOCAL_35MM = 0x920A, 0xA405
 PIXELS_X, PIXELS_Y = 0xA002, 0xA003
 PLANE_X_RESOLUTION, PLANE_UNIT = 0xA20E, 0xA210
 PLANE_UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
+NARROWEST_MM, WIDEST_MM = 4.0, 60.0  # the longer side of a sensor, from small phones to medium format
+FEWEST_PIXELS = 2_000_000  # a picture of fewer was resized: sensors have had more since about 2000
 MAX_ENTRIES, ENTRY_BYTES = 512, 12
-BYTE_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
-# The bytes that hold the offset of the first directory.
-FIRST_DIRECTORY = slice(4, 8)
 READERS = {1: ("B", 1), 3: ("H", 2), 4: ("I", 4), 5: ("II", 8), 9: ("i", 4), 10: ("ii", 8)}  # EXIF type: struct code, size
 
 
 @dataclass(frozen=True)
 class Exif:
-    """`orientation` 1..8 as EXIF numbers it; `focal_35mm` the 35 mm equivalent focal length in mm, None when unknown;
-    `focal_mm` the real one, None when unknown; `model` and `lens` the names of camera and lens as the camera writes them,
-    empty when unknown.
+    """`orientation` 1..8 as EXIF numbers it; `focal_35mm` the 35 mm equivalent focal length in mm that is stated, None when
+    unknown; `focal_mm` the real one, None when unknown; `model` and `lens` the names of camera and lens as the camera writes
+    them, empty when unknown; `sensor_35mm` the equivalent that follows from the real one and the sensor that the block tells,
+    None where it tells none.
     """
 
     orientation: int = 1
@@ -36,6 +39,7 @@ class Exif:
     focal_mm: float | None = None
     model: str = ""
     lens: str = ""
+    sensor_35mm: float | None = None
 
 
 def read_exif(data: bytes) -> Exif:
@@ -46,8 +50,10 @@ def read_exif(data: bytes) -> Exif:
     tags, names = _read_main(block)
     orientation = int(tags.get(ORIENTATION, 1))
     focal = tags.get(FOCAL_LENGTH, 0.0)
+    stated = float(tags.get(FOCAL_35MM, 0)) or None
+    turn = orientation if 1 <= orientation <= 8 else 1
     said = names.get(MODEL, ""), names.get(LENS_MODEL, "")
-    return Exif(orientation if 1 <= orientation <= 8 else 1, _focal_35mm(tags), focal if focal > 0 else None, *said)
+    return Exif(turn, stated, focal if focal > 0 else None, *said, _sensor_35mm(tags))
 
 
 def _read_main(block: bytes) -> tuple[dict[int, float], dict[int, str]]:
@@ -63,14 +69,6 @@ def _read_main(block: bytes) -> tuple[dict[int, float], dict[int, str]]:
     return tags, {entry.tag: _text(entry) for entry in main if entry.kind == ASCII and entry.tag in (MODEL, LENS_MODEL)}
 
 
-def tiff_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) of a TIFF file's first picture, as stored; None when its first directory does not say."""
-    tags, _ = _read_main(data)
-    if TIFF_WIDTH not in tags or TIFF_HEIGHT not in tags:
-        return None
-    return int(tags[TIFF_WIDTH]), int(tags[TIFF_HEIGHT])
-
-
 def find_exif(data: bytes) -> bytes:
     """The EXIF block, which is a small TIFF file; empty when there is none."""
     if data[:4] in BYTE_ORDERS:
@@ -81,6 +79,8 @@ def find_exif(data: bytes) -> bytes:
         chunks = _png_chunks(data)
     elif data[:4] == b"RIFF" and data[8:12] == b"WEBP":
         chunks = _webp_chunks(data)
+    elif heif.is_avif(data) or heif.is_heic(data):
+        return heif.read_facts(data).exif
     else:
         return b""
     return next((block.removeprefix(b"Exif\0\0") for block in chunks), b"")
@@ -150,13 +150,15 @@ def _text(entry: _Entry) -> str:
     return entry.raw.split(b"\0")[0].decode("latin-1").strip()
 
 
-def _focal_35mm(tags: dict[int, float]) -> float | None:
-    """The equivalent as the camera states it, else from the real focal length and the sensor's pixel pitch."""
-    if tags.get(FOCAL_35MM, 0) > 0:
-        return float(tags[FOCAL_35MM])
+def _sensor_35mm(tags: dict[int, float]) -> float | None:
+    """The equivalent by the real focal length and the sensor's pixel pitch; None where that makes no sensor of a camera, as in
+    photos that were resized without their resolution.
+    """
     needed = (FOCAL_LENGTH, PLANE_X_RESOLUTION, PIXELS_X, PIXELS_Y)
     if any(tags.get(tag, 0) <= 0 for tag in needed):
         return None
     pitch = PLANE_UNIT_MM.get(int(tags.get(PLANE_UNIT, 2)), 25.4) / tags[PLANE_X_RESOLUTION]
-    diagonal = pitch * math.hypot(tags[PIXELS_X], tags[PIXELS_Y])
-    return tags[FOCAL_LENGTH] * FULL_FRAME_DIAGONAL_MM / diagonal
+    possible = NARROWEST_MM <= pitch * max(tags[PIXELS_X], tags[PIXELS_Y]) <= WIDEST_MM
+    if not possible or tags[PIXELS_X] * tags[PIXELS_Y] < FEWEST_PIXELS:
+        return None
+    return tags[FOCAL_LENGTH] * FULL_FRAME_DIAGONAL_MM / (pitch * math.hypot(tags[PIXELS_X], tags[PIXELS_Y]))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 SIGNATURE = b"\xff\xd8"
 END, SCAN, APP1 = 0xD9, 0xDA, 0xE1
+FRAMES = (0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 WITHOUT_LENGTH = {0x01, 0xD8}  # TEM and a repeated start; restart markers, which stand inside a scan, the pattern leaves out
 # 0xFF may be repeated before a marker. Inside a scan 0xFF 0x00 is a byte of data and 0xD0 to 0xD7 are restart marks.
 MARKER = re.compile(rb"\xff+([\x01-\xcf\xd8-\xfe])")
@@ -49,6 +50,15 @@ def header_segments(data: bytes) -> Iterator[Segment]:
         if segment.marker == SCAN:
             return
         yield segment
+
+
+def size(data: bytes) -> tuple[int, int] | None:
+    """(width, height) as stored; None where no frame tells it."""
+    for segment in header_segments(data):
+        frame = data[segment.start : segment.start + 5]  # bits per sample, height, width
+        if segment.marker in FRAMES and len(frame) == 5:
+            return int.from_bytes(frame[3:], "big"), int.from_bytes(frame[1:3], "big")
+    return None
 
 
 def is_whole(data: bytes) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..geometry.camera import Intrinsics
 from ..geometry.conventions import focal_px_from_35mm
-from .photo import Photo, photo_facts
+from .photo import Photo, PhotoFacts, photo_facts
 
 # Across the long side; about 35 mm on full frame, which lies between a phone's wide lens and a normal one.
 DEFAULT_FOV_DEG = 55.0
@@ -16,10 +16,13 @@ DEFAULT_FOV_DEG = 55.0
 
 @dataclass(frozen=True)
 class LensGuess:
-    """`intrinsics` belong to the photo at its full size; `focal_35mm` is EXIF's, None where the default was taken."""
+    """`intrinsics` belong to the photo at its full size, upright; `focal_35mm` is EXIF's, None where the default was taken;
+    `orientation` as in Photo.
+    """
 
     intrinsics: Intrinsics
     focal_35mm: float | None
+    orientation: int = 1
 
     @property
     def assumption(self) -> str:
@@ -31,23 +34,23 @@ class LensGuess:
 
 def guess_lens(photo: Photo) -> LensGuess:
     """The lens that a photo's own data, or else habit, suggest."""
-    return _guess(photo.width, photo.height, photo.focal_35mm)
+    return _guess(photo)
 
 
 def guess_lens_of_file(path: Path) -> LensGuess:
     """As `guess_lens`, of a file whose pixels need not be decoded for it. Raises PhotoError when it is no photo."""
-    facts = photo_facts(path)
-    return _guess(facts.width, facts.height, facts.focal_35mm)
+    return _guess(photo_facts(path))
 
 
 def guess_lens_of_size(width: int, height: int) -> LensGuess:
     """The guess for a photo of that size that tells nothing of its lens."""
-    return _guess(width, height, None)
+    return _guess(PhotoFacts(width, height, None))
 
 
-def _guess(width: int, height: int, focal_35mm: float | None) -> LensGuess:
+def _guess(photo: Photo | PhotoFacts) -> LensGuess:
+    width, height, focal_35mm = photo.width, photo.height, photo.focal_35mm
     if focal_35mm is None:
         focal = max(width, height) / 2 / math.tan(math.radians(DEFAULT_FOV_DEG / 2))
     else:
         focal = focal_px_from_35mm(focal_35mm, width, height)
-    return LensGuess(Intrinsics(width, height, focal, focal, width / 2, height / 2), focal_35mm)
+    return LensGuess(Intrinsics(width, height, focal, focal, width / 2, height / 2), focal_35mm, photo.orientation)

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PhotoError
 from ..geometry.camera import Intrinsics
 from . import jpeg
+from .containers.find import find_picture
+from .decode import decode
 from .exif import Exif, read_exif
 from .sensors import focal_35mm_of
-from .size import EXR_SIGNATURE, check_photo_size, check_pixels, picture_size, reduction
 
-TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
 ROTATION_WORDS = {
     2: "mirrored left to right",
     3: "rotated by 180 degrees",
@@ -38,7 +35,7 @@ class Photo:
     `mask`: (H, W) bool, True where the photo has content (alpha > 0); None when every pixel has.
     `notes`: sentences about what was done to the pixels on reading (16-bit scaled, alpha dropped, rotated).
     `full_size`: (width, height) of a very large photo whose `pixels` were reduced on reading; None when they are all there.
-    `stored_upright`: False where the file's pixels lie turned, as its EXIF data say, so that its own file shows it otherwise.
+    `orientation`: 1..8 as EXIF numbers how the file's pixels lie; other than 1 where its own file shows the photo turned.
     `width` and `height` are the photo's own, which its camera belongs to; `pixels` may be fewer.
     """
 
@@ -48,7 +45,11 @@ class Photo:
     mask: NDArray[np.bool_] | None = None
     notes: tuple[str, ...] = ()
     full_size: tuple[int, int] | None = None
-    stored_upright: bool = True
+    orientation: int = 1
+
+    @property
+    def stored_upright(self) -> bool:
+        return self.orientation == 1
 
     @property
     def width(self) -> int:
@@ -71,54 +72,58 @@ def read_photo(path: str | Path) -> Photo:
 
 
 def _decoded(path: Path, data: bytes, exif: Exif) -> Photo:
-    raw, factor, full = _decode(data, path)
-    notes: list[str] = []
+    picture = find_picture(data, exif, path.name)
+    decoded = decode(picture, path.name)
+    raw, notes = decoded.raw, []
     if raw.dtype == np.uint16:
         raw = ((raw.astype(np.uint32) + 128) // 257).astype(np.uint8)
         notes.append("The photo has 16 bits per channel; it is used with 8.")
     if raw.dtype != np.uint8:
         raise PhotoError(f"The photo '{path.name}' holds {raw.dtype} values; save it with 8 or 16 bits per channel.")
-    turned = exif.orientation != 1 and not data.startswith(TIFF_SIGNATURES)
-    if exif.orientation != 1:
-        notes.append(f"The photo is {ROTATION_WORDS[exif.orientation]}, as its EXIF data say.")
-    # OpenCV 5 turns a TIFF even when it is told to leave the pixels alone.
-    if turned:
-        raw = _turn(raw, exif.orientation)
+    if picture.orientation != 1:
+        notes.append(f"The photo is {ROTATION_WORDS[picture.orientation]}, as its EXIF data say.")
+    factor, full = decoded.factor, decoded.full_size
     if factor > 1:
-        full = full[::-1] if turned and exif.orientation >= 5 else full
         notes.append(f"The photo has {full[0]} x {full[1]} pixels; every {factor} x {factor} of them are used as one.")
     pixels, mask = _split_alpha(raw, notes)
     photo = Photo(np.ascontiguousarray(pixels), str(path), None, mask, tuple(notes), full if factor > 1 else None)
-    return _with_focal(replace(photo, stored_upright=exif.orientation == 1), exif)
+    return _with_focal(replace(photo, orientation=picture.orientation), exif)
 
 
 @dataclass(frozen=True)
 class PhotoFacts:
-    """What a photo's header says: size upright and `focal_35mm` as in Photo, and whether its pixels are stored upright."""
+    """What a photo's header says: size upright, `focal_35mm` and `orientation` as in Photo."""
 
     width: int
     height: int
     focal_35mm: float | None
-    stored_upright: bool
+    orientation: int = 1
+
+    @property
+    def stored_upright(self) -> bool:
+        return self.orientation == 1
 
 
 def photo_facts(path: str | Path) -> PhotoFacts:
     """The facts as `read_photo` would find them, without decoding where the header tells the size. Raises PhotoError."""
     path = Path(path)
     data = _read_bytes(path)
-    size, exif = picture_size(data), read_exif(data)
-    if size is None:
+    exif = read_exif(data)
+    picture = find_picture(data, exif, path.name)
+    if picture.size is None:
         photo = _decoded(path, data, exif)
-        return PhotoFacts(photo.width, photo.height, photo.focal_35mm, photo.stored_upright)
-    width, height = size[::-1] if exif.orientation >= 5 else size
-    return PhotoFacts(width, height, _focal_35mm(exif, width, height), exif.orientation == 1)
+        return PhotoFacts(photo.width, photo.height, photo.focal_35mm, photo.orientation)
+    width, height = picture.size[::-1] if picture.orientation >= 5 else picture.size
+    return PhotoFacts(width, height, _focal_35mm(exif, width, height), picture.orientation)
 
 
 def _focal_35mm(exif: Exif, width: int, height: int) -> float | None:
-    """The 35 mm equivalent (mm) that EXIF states, or that follows from the real focal length and the camera's sensor."""
+    """The 35 mm equivalent (mm) that EXIF states, or that follows from the real focal length and the sensor: the one of
+    the table first, because EXIF's own belongs to the photo before it was resized.
+    """
     if exif.focal_35mm is not None or exif.focal_mm is None:
         return exif.focal_35mm
-    return focal_35mm_of(exif.model, exif.focal_mm, width, height)
+    return focal_35mm_of(exif.model, exif.focal_mm, width, height) or exif.sensor_35mm
 
 
 def _with_focal(photo: Photo, exif: Exif) -> Photo:
@@ -138,9 +143,7 @@ def check_size(photo: Photo, intrinsics: Intrinsics) -> Intrinsics:
     pw, ph, cw, ch = photo.width, photo.height, intrinsics.width, intrinsics.height
     if (pw, ph) == (cw, ch):
         return intrinsics
-    # One pixel of the larger image's grid.
-    slack = max(1.0, pw / cw, ph / ch)
-    if max((pw - slack) / cw, (ph - slack) / ch) <= min((pw + slack) / cw, (ph + slack) / ch):
+    if same_shape((pw, ph), (cw, ch)):
         return intrinsics.resized(pw, ph)
     turned = " turned by 90 degrees" if (pw - ph) * (cw - ch) < 0 else ""
     name = Path(photo.file).name or "the photo"
@@ -148,6 +151,13 @@ def check_size(photo: Photo, intrinsics: Intrinsics) -> Intrinsics:
         f"'{name}' has {pw} x {ph} pixels but its camera {cw} x {ch}, which is another shape{turned}; "
         "use the photo that the camera describes, uncropped."
     )
+
+
+def same_shape(photo: tuple[int, int], camera: tuple[int, int]) -> bool:
+    """Whether two sizes are of one picture at two scales, up to a pixel of the larger one's grid that rounding may take."""
+    (pw, ph), (cw, ch) = photo, camera
+    slack = max(1.0, pw / cw, ph / ch)
+    return max((pw - slack) / cw, (ph - slack) / ch) <= min((pw + slack) / cw, (ph + slack) / ch)
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -165,49 +175,6 @@ def _read_bytes(path: Path) -> bytes:
     if data.startswith(jpeg.SIGNATURE) and not jpeg.is_whole(data):
         raise PhotoError(f"The photo '{path.name}' is cut off: the JPEG has no end; copy it again.")
     return data
-
-
-def _decode(data: bytes, path: Path) -> tuple[NDArray[Any], int, tuple[int, int]]:
-    """(H, W) or (H, W, C), channels in OpenCV's order, bits as in the file; the factor it was reduced by; its full size.
-
-    Never hands out None (it would crash OpenCV).
-    """
-    if data.startswith(EXR_SIGNATURE):
-        raise PhotoError(
-            f"'{path.name}' is an OpenEXR picture, which only Add Photo in Blender reads; save it as PNG, TIFF or JPEG."
-        )
-    size = check_pixels(data, path.name)
-    factor = reduction(size) if size else 1
-    flags = cv2.IMREAD_UNCHANGED
-    # The decoder leaves pixels out, so that they take no memory.
-    if factor > 1 and data.startswith(jpeg.SIGNATURE):
-        flags = REDUCED_JPEG[factor] | cv2.IMREAD_IGNORE_ORIENTATION
-    try:
-        raw = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-        if raw is not None and raw.size and factor > 1 and flags == cv2.IMREAD_UNCHANGED:
-            # OpenCV has turned the TIFF.
-            size = raw.shape[1], raw.shape[0]
-            raw = cv2.resize(raw, (raw.shape[1] // factor, raw.shape[0] // factor), interpolation=cv2.INTER_AREA)
-    # The image has too many pixels, or its header makes the decoder raise.
-    except (cv2.error, MemoryError):
-        raw = None
-    if raw is None or raw.size == 0:
-        raise PhotoError(f"The photo '{path.name}' cannot be decoded; save it as JPEG, PNG, TIFF or WebP.")
-    if size is None:
-        size = raw.shape[1], raw.shape[0]
-        check_photo_size(size, path.name)
-    return np.asarray(raw), factor, size
-
-
-def _turn(raw: NDArray[Any], orientation: int) -> NDArray[Any]:
-    """Pixels as stored to upright pixels, for an EXIF orientation of 1..8."""
-    if orientation >= 5:
-        raw = raw.swapaxes(0, 1)
-    if orientation in (2, 3, 6, 7):
-        raw = raw[:, ::-1]
-    if orientation in (3, 4, 7, 8):
-        raw = raw[::-1]
-    return raw
 
 
 def _split_alpha(raw: NDArray[np.uint8], notes: list[str]) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..errors import PhotoError
 from . import jpeg
-from .exif import tiff_size
+from .containers import heif, tiff
 
 EXR_SIGNATURE = b"\x76\x2f\x31\x01"
 # A larger photo is reduced, because the method works at a long side of some hundred pixels.
@@ -14,15 +14,6 @@ LARGEST_PIXELS = 400_000_000
 # So is one whose long side is more times its short one; the widest panoramas have about 30.
 LARGEST_ASPECT = 100
 FACTORS = (2, 4, 8)
-FRAME_MARKERS = (0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
-
-
-def check_pixels(data: bytes, name: str) -> tuple[int, int] | None:
-    """(width, height) as stored, None where the header can't be read. Raises PhotoError when no photo has that size."""
-    size = picture_size(data)
-    if size:
-        check_photo_size(size, name)
-    return size
 
 
 def check_photo_size(size: tuple[int, int], name: str) -> None:
@@ -48,19 +39,14 @@ def reduction(size: tuple[int, int]) -> int:
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) as stored in a JPEG, PNG, TIFF or WebP file; None where it can't be told."""
+    """(width, height) as stored in a JPEG, PNG, TIFF, WebP, AVIF or HEIC file; None where it can't be told."""
     if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
         return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
     if data.startswith(jpeg.SIGNATURE):
-        return _jpeg_size(data)
+        return jpeg.size(data)
     if data[:4] == b"RIFF" and data[8:16] == b"WEBPVP8X" and len(data) >= 30:
         return 1 + int.from_bytes(data[24:27], "little"), 1 + int.from_bytes(data[27:30], "little")
-    return tiff_size(data)
-
-
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    for segment in jpeg.header_segments(data):
-        frame = data[segment.start : segment.start + 5]  # bits per sample, height, width
-        if segment.marker in FRAME_MARKERS and len(frame) == 5:
-            return int.from_bytes(frame[3:], "big"), int.from_bytes(frame[1:3], "big")
-    return None
+    if heif.is_avif(data) or heif.is_heic(data):
+        return heif.read_facts(data).size
+    found = tiff.find_picture(data, "")
+    return found.size if found else None

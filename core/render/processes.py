@@ -128,6 +128,7 @@ class _Children:
             self._forget_file()
             return
         first = {"file": str(file), "rows": len(tables.block), "count": len(tables), "near": near, "nice": self._nice}
+        first["antialiased"] = tables.antialiased
         self._starting = self._wanted
         for _ in range(self._wanted):
             try:

@@ -16,7 +16,7 @@ from ..geometry.camera import Intrinsics, Pose
 from ..geometry.conventions import HALF_PIXEL
 from . import constants as c
 from .columns import BLEND_COLUMNS, ELLIPSE_COLUMNS, BlendColumn, EllipseColumn
-from .tables import SceneTables
+from .tables import CUT_MARGIN, SceneTables
 
 Float32Array = NDArray[np.float32]
 Int16Array = NDArray[np.int16]
@@ -71,12 +71,16 @@ class ViewProjection:
 
 @dataclass(frozen=True, eq=False)
 class Conic:
-    """The ellipses of n splats, low-pass included: variances (2, n) and covariance (n,) in pixels^2, 1 / l1 and l3 (n,)."""
+    """The ellipses of n splats, low-pass included: variances (2, n) and covariance (n,) in pixels^2, 1 / l1 and l3 (n,).
+
+    `share` (n,): the determinant without the low-pass, divided by that with it.
+    """
 
     variance: Float32Array
     covariance: Float32Array
     inverse_l1: Float32Array
     l3: Float32Array
+    share: Float32Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +117,10 @@ def project_chunk(tables: SceneTables, view: ViewProjection, part: slice, splats
         np.multiply(plane[:, None], axes[2], out=rows[:, :3])
         np.subtract(axes[:2], rows[:, :3], out=rows[:, :3])
         rows[:, :3] *= np.divide(view.f, z)[:, None]
-        _write(splats, own, view.tile_rows, ProjectedSplats(centre, z, _conic(rows), body[9], body[10]))
+        conic, log_opacity, cut = _conic(rows), body[9], body[10]
+        if tables.antialiased:
+            log_opacity, cut = _compensated(conic, log_opacity, cut)
+        _write(splats, own, view.tile_rows, ProjectedSplats(centre, z, conic, log_opacity, cut))
     return index
 
 
@@ -151,8 +158,21 @@ def _conic(rows: Float32Array) -> Conic:
     free *= l3
     free *= l3
     free += low
-    free += np.einsum("kn,kn->n", minors, minors)
-    return Conic(variance, covariance, np.sqrt(free, out=free), l3)
+    bare = np.einsum("kn,kn->n", minors, minors)
+    free += bare
+    bare /= free
+    return Conic(variance, covariance, np.sqrt(free, out=free), l3, bare)
+
+
+def _compensated(conic: Conic, log_opacity: Float32Array, cut: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Log opacity and cut of n splats whose opacity is multiplied by sqrt(det S / det(S + low-pass)), so that a splat smaller
+    than a pixel gives no more light than it has (Yu et al., Mip-Splatting, 2024, equation 9 with the low-pass of 3DGS).
+    """
+    with np.errstate(divide="ignore"):
+        log_share = np.log(conic.share)
+    np.maximum(log_share, np.float32(2 * EMPTY_LOG_OPACITY), out=log_share)
+    log_opacity = np.asarray(log_opacity + np.float32(0.5) * log_share, np.float32)
+    return log_opacity, np.asarray(np.maximum(cut + log_share, np.float32(CUT_MARGIN)), np.float32)
 
 
 def _write(splats: SplatBuffers, own: slice, tile_rows: int, projected: ProjectedSplats) -> None:

@@ -58,11 +58,14 @@ def _alpha(scene: GaussianScene, i: int, point: FloatArray, intrinsics: Intrinsi
     jacobian = np.array([[k.fx / z, 0.0, -k.fx * u / z], [0.0, k.fy / z, -k.fy * v / z]])
     axes = jacobian @ pose.R @ rotations_of(scene.rotations[i].astype(np.float64)) * scene.scales[i].astype(np.float64)
     covariance = axes @ axes.T + c.LOWPASS_PX2 * np.eye(2)
+    opacity = float(scene.opacities[i])
+    if scene.antialiased:
+        opacity *= np.sqrt(max(np.linalg.det(axes @ axes.T), 0) / np.linalg.det(covariance))
     conic = np.linalg.inv(covariance)
     dx = pixel_centres(k.width) - (k.fx * x / z + k.cx)
     dy = (pixel_centres(k.height) - (k.fy * y / z + k.cy))[:, None]
     power = -0.5 * (conic[0, 0] * dx**2 + 2 * conic[0, 1] * dx * dy + conic[1, 1] * dy**2)
-    return np.asarray(np.minimum(c.ALPHA_MAX, float(scene.opacities[i]) * np.exp(power)))
+    return np.asarray(np.minimum(c.ALPHA_MAX, opacity * np.exp(power)))
 
 
 def _color(scene: GaussianScene, i: int, pose: Pose) -> FloatArray:

@@ -31,10 +31,12 @@ class SceneTables:
     is world axis i of scaled Gaussian axis j, then log opacity, then the cut 2 ln(255 opacity), the squared Mahalanobis radius
     at which alpha is 1/255. reach (N,): sqrt(cut) times the largest scale, scene units. color (K, 3, N): RGB as a polynomial
     of the unit direction, see `color.py`. All of these are rows of `block` (ROWS + 3 K, N), so that they can lie in one file.
+    `antialiased` as in GaussianScene.
     """
 
     origin: NDArray[np.float64]
     block: Float32Array
+    antialiased: bool = False
 
     @property
     def means(self) -> Float32Array:
@@ -63,7 +65,7 @@ def build_tables(scene: GaussianScene) -> SceneTables:
     n = len(keep)
     means = scene.means[keep]
     origin = np.median(means, axis=0).astype(np.float64) if n else np.zeros(3)
-    tables = SceneTables(origin, np.empty((ROWS + 3 * scene.sh.shape[1], n), np.float32))
+    tables = SceneTables(origin, np.empty((ROWS + 3 * scene.sh.shape[1], n), np.float32), scene.antialiased)
     for a in range(0, n, CHUNK):
         part = slice(a, a + CHUNK)
         _fill(tables, scene, keep[part], part)

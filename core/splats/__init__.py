@@ -7,13 +7,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import SplatFormatError
-from . import splat
+from . import gltf, splat
 from .format import SplatFormat, SplatInfo
 from .ply import compressed as ply_compressed
 from .ply import mip as ply_mip
 from .ply import reader as ply
 from .ply import two_dgs as ply_2dgs
 from .scene import GaussianScene
+from .sog import reader as sog
+from .sog.container import META
 from .spz import reader as spz
 from .unknown import name_of
 
@@ -26,6 +28,7 @@ __all__ = [
     "check_splat_file",
     "inspect_splats",
     "read_splats",
+    "scan_files",
 ]
 
 # Asked in this order: the special .ply layouts before the plain one, which takes every .ply; .splat last, having no mark.
@@ -35,6 +38,8 @@ FORMATS: tuple[SplatFormat, ...] = (
     ply_2dgs.FORMAT,
     ply.FORMAT,
     spz.FORMAT,
+    sog.FORMAT,
+    gltf.FORMAT,
     splat.FORMAT,
 )
 SUFFIXES = tuple(dict.fromkeys(found.suffix for found in FORMATS))
@@ -64,6 +69,8 @@ def inspect_splats(path: str | Path) -> SplatInfo:
 def check_splat_file(path: str | Path) -> SplatFormat:
     """The format of the file `path`, from its first bytes alone. Raises SplatFormatError as `read_splats` does."""
     path = Path(path)
+    if path.is_dir() and sog.is_folder(path):
+        return sog.FORMAT
     if path.is_dir():
         raise SplatFormatError(f"'{path}' is a folder; choose a splat file ({KNOWN}) inside it.")
     with _file_errors(path), open(path, "rb") as file:
@@ -76,6 +83,14 @@ def check_splat_file(path: str | Path) -> SplatFormat:
             f"'{path.name}' is {name_of(header)}, not a splat file of a known format; choose a Gaussian splat ({KNOWN})."
         )
     return found
+
+
+def scan_files(path: Path) -> list[Path]:
+    """The files that a scan consists of: itself, or all that lie beside the meta.json of a scene in a folder."""
+    folder = path if path.is_dir() else path.parent
+    if sog.is_folder(folder) and path in (folder, folder / META):
+        return sorted(file for file in folder.iterdir() if file.is_file())
+    return [path]
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..geometry.conventions import Orientation
@@ -22,7 +24,8 @@ class SceneBuilder:
         self.filled = 0
 
     def add(self, rows: Float32Array) -> None:
-        """Append raw rows (n, 11 + 3 K).
+        """Append raw rows (n, 11 + 3 K). Infinite opacities and scales of minus infinity are values like others: programs that
+        write opaque, invisible or flat Gaussians take the logarithms of 0 and 1.
 
         A raw row is x y z, 3 log scales, 4 quaternion components (w x y z, any length), opacity logit, 3 K SH values with
         all of R first, then G, then B (each with its DC term leading).
@@ -30,8 +33,6 @@ class SceneBuilder:
         with np.errstate(over="ignore", invalid="ignore"):
             scales = np.exp(rows[:, 3:6])
             opacities = np.asarray(1 / (1 + np.exp(-rows[:, 10])), np.float32)
-        # A raw value of minus infinity would become a harmless 0, and hide that the row is damaged.
-        opacities[~np.isfinite(rows[:, 3:6]).all(axis=1) | ~np.isfinite(rows[:, 10])] = np.nan
         sh = rows[:, 11:].reshape(len(rows), 3, self._sh.shape[1]).transpose(0, 2, 1)
         self.add_activated(rows[:, :3], scales, rows[:, 6:10], opacities, sh)
 
@@ -50,8 +51,8 @@ class SceneBuilder:
         self._sh[rows] = sh
         self.filled += len(means)
 
-    def scene(self, source_format: str, orientation: Orientation = "Y_DOWN") -> GaussianScene:
-        """The scene of everything added, as `GaussianScene.checked` makes it. Raises its errors."""
+    def scene(self, source_format: str, orientation: Orientation = "Y_DOWN", **more: Any) -> GaussianScene:
+        """The scene of everything added, with `more` of its values, as `GaussianScene.checked` makes it. Raises its errors."""
         n = self.filled
         arrays = (self._means[:n], self._scales[:n], self._rotations[:n], self._opacities[:n], self._sh[:n])
-        return GaussianScene(*arrays, format=source_format, orientation=orientation).checked()
+        return GaussianScene(*arrays, format=source_format, orientation=orientation, **more).checked()

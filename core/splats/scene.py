@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,16 @@ UNIT_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class GaussianScene:
-    """N Gaussians with activated values, in the coordinates of the splat file. All arrays float32, C-contiguous.
+    """N Gaussians with activated values, in the coordinates of the splat file less `origin`. All arrays float32, C-contiguous.
 
     means (N, 3); scales (N, 3) linear standard deviations; rotations (N, 4) unit quaternions w x y z; opacities (N,) in 0..1;
     sh (N, K, 3) spherical-harmonics coefficients (colour last), K = 1, 4, 9 or 16 for degree 0..3.
     `dropped` counts Gaussians that `checked` left out, `normalised` those that it kept with an opacity or a rotation put
     right; `format` names the source format.
     `orientation` is which way the file's axes point by the convention of its format: the importer's default, nothing more.
+    `antialiased`: the scan was trained so that a splat's opacity falls as the low-pass filter widens it, and is drawn so.
+    `origin`: what was subtracted from the means of a scan that lies so far out (map coordinates) that float32 would round them;
+    cameras stand among the means as `Pose.relative_to(origin)` gives them.
     Raises SplatFormatError when shapes disagree.
     """
 
@@ -41,6 +44,8 @@ class GaussianScene:
     normalised: int = 0
     format: str = ""
     orientation: Orientation = "Y_DOWN"
+    antialiased: bool = False
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         n = len(self.means)
@@ -66,7 +71,7 @@ class GaussianScene:
                 f"Every Gaussian of the file ({count}) holds a NaN or infinite value; export the scan again."
             )
         m, s, r, o, h = (array[:kept] for array in own)
-        return GaussianScene(m, s, r, o, h, count - kept, normalised, self.format, self.orientation)
+        return replace(self, means=m, scales=s, rotations=r, opacities=o, sh=h, dropped=count - kept, normalised=normalised)
 
     @property
     def _arrays(self) -> tuple[Float32Array, ...]:
@@ -79,6 +84,12 @@ class GaussianScene:
     @property
     def sh_degree(self) -> int:
         return SH_COEFFICIENTS.index(self.sh.shape[1])
+
+
+def check_near(scene: GaussianScene, suffix: str) -> None:
+    """Raises SplatFormatError when the scene has an origin, for which a format of `suffix` has no room."""
+    if any(scene.origin):
+        raise SplatFormatError(f"The scan lies too far from its origin for {suffix}, which would round its places; write .ply.")
 
 
 def _compacted(arrays: Sequence[Float32Array]) -> tuple[int, int]:

@@ -17,7 +17,7 @@ from ..geometry.conventions import Orientation
 from ..support.atomic import atomic_write
 from .activate import SH_C0, SceneBuilder
 from .format import Progress, SplatFormat, SplatInfo
-from .scene import GaussianScene
+from .scene import GaussianScene, check_near
 from .turn import turned
 
 NAME = "splat"
@@ -79,6 +79,7 @@ def write_splat(path: str | Path, scene: GaussianScene) -> None:
     Lossy: SH above degree 0 is left out, colours and opacities keep 8 bits and lie within 0..1, rotations keep 0.5 degrees.
     Raises SplatFormatError when the scene's axes can't be turned to the format's.
     """
+    check_near(scene, ".splat")
     scene = turned(scene, ORIENTATION)
     with atomic_write(path, "wb") as file:
         for start in range(0, len(scene), CHUNK_ROWS):

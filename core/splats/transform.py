@@ -26,10 +26,13 @@ def transformed(scene: GaussianScene, move: Similarity, orientation: Orientation
     for degree in range(1, scene.sh_degree + 1):
         band = slice(degree**2, (degree + 1) ** 2)
         sh[:, band] = np.matmul(sh_rotation(move.rotation, degree).astype(np.float32), scene.sh[:, band])
+    # The place of a scan far out goes into its origin as a whole.
+    near, (x, y, z) = not any(scene.origin), move.to_scene(np.array([scene.origin]))[0]
     turn = _left_product(quaternion_from_rotation(move.rotation))
     return replace(
         scene,
-        means=move.to_scene(scene.means).astype(np.float32),
+        means=(move.to_scene(scene.means) - (0 if near else move.translation)).astype(np.float32),
+        origin=(0.0, 0.0, 0.0) if near else (float(x), float(y), float(z)),
         scales=scene.scales * np.float32(move.scale),
         rotations=np.ascontiguousarray(scene.rotations @ turn.T.astype(np.float32)),
         sh=sh,

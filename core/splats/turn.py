@@ -26,4 +26,5 @@ def turned(scene: GaussianScene, orientation: Orientation) -> GaussianScene:
         rotations=scene.rotations * HALF_TURN_X_QUATERNION.astype(np.float32),
         sh=scene.sh * HALF_TURN_X_SH[: scene.sh.shape[1], None].astype(np.float32),
         orientation=orientation,
+        origin=(scene.origin[0], -scene.origin[1], -scene.origin[2]),
     )

@@ -5,8 +5,6 @@ from __future__ import annotations
 SIGNATURES = (
     (b"\x89PNG", "a PNG picture"),
     (b"\xff\xd8\xff", "a JPEG picture"),
-    (b"PK\x03\x04", "a ZIP archive (perhaps a .sog scene)"),
-    (b"glTF", "a binary glTF model"),
     (b"LASF", "a LAS point cloud"),
     (b"Kaydara FBX", "an FBX model"),
     (b"\x1f\x8b", "gzip data without an .spz header"),

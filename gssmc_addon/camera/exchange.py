@@ -16,9 +16,11 @@ from ...core.cameras.files import camera_to_dict
 from ...core.cameras.training_world import read_training_world
 from ...core.errors import CameraError, DatasetError
 from ...core.geometry.camera import Camera
+from ...core.geometry.turned_photo import stored_camera
 from ...core.support.atomic import atomic_write
 from ..photo import image as photo_image
 from ..plate import source as plate_source
+from ..splat import object as splat_object
 from ..support.texts import rpt_
 from . import bridge as camera_bridge
 from . import channels as camera_channels
@@ -32,6 +34,7 @@ class Outgoing:
     """A camera on its way out, at its photo's own size; `said`: what a camera JSON tells besides.
 
     `name`: the camera object's; `verdict` as in camera_props, or CHANGED. `movie_frame`: of a photo that is no file of its own.
+    `orientation`: EXIF's, of the photo's file.
     """
 
     name: str
@@ -39,15 +42,17 @@ class Outgoing:
     verdict: str
     said: dict[str, Any]
     movie_frame: int | None = None
+    orientation: int = 1
 
 
 @dataclass(frozen=True)
 class _Picture:
-    """A photo that a camera took: name and size of its file, which of a movie holds more than one."""
+    """A photo that a camera took: name and upright size of its file, which of a movie holds more than one."""
 
     file: str
     size: tuple[int, int]
     movie_frame: int | None = None
+    orientation: int = 1
 
 
 def collect(scene: bpy.types.Scene, objects: Sequence[bpy.types.Object]) -> list[Outgoing]:
@@ -81,10 +86,11 @@ def out_of_training_world(outgoing: Sequence[Outgoing], file: Path) -> list[Outg
 def write(path: Path, kind: str, outgoing: Sequence[Outgoing]) -> list[str]:
     """Writes the cameras: COLMAP into the folder `path`, NERFSTUDIO and JSON as the file `path`. Raises GssmcError.
 
-    COLMAP and nerfstudio cannot tell a verdict: there cameras that failed are left out. Sentences on that.
+    COLMAP and nerfstudio cannot tell a verdict: there cameras that failed are left out. Sentences on that. Their cameras belong
+    to the photos as they are stored, before EXIF turns them.
     """
     usable = list(outgoing) if kind == "JSON" else _solved(outgoing)
-    cameras = [item.camera for item in usable]
+    cameras = [stored_camera(item.camera, item.orientation) for item in usable]
     try:
         if kind == "COLMAP":
             path.mkdir(parents=True, exist_ok=True)
@@ -149,7 +155,7 @@ def _still(scene: bpy.types.Scene, obj: bpy.types.Object) -> _Picture:
             rpt_('The photo of the camera "{name}" cannot be read, so its size is not known; add it again.', name=obj.name)
         )
     file = photo_image.photo_file(image).replace("\\", "/")
-    return _Picture(Path(file).name or image.name, size)
+    return _Picture(Path(file).name or image.name, size, orientation=photo_image.orientation_in_file(image))
 
 
 def _plate_cameras(scene: bpy.types.Scene, obj: bpy.types.Object, plate: plate_source.MovingPhoto) -> list[Outgoing]:
@@ -180,13 +186,15 @@ def _plate_picture(obj: bpy.types.Object, plate: plate_source.MovingPhoto, frame
 
 
 def _camera(scene: bpy.types.Scene, obj: bpy.types.Object, picture: _Picture) -> Outgoing:
-    camera = camera_bridge.read_camera(scene, obj, scene.gssmc.splat).at_size(*picture.size)
+    splat = scene.gssmc.splat
+    near = camera_bridge.read_camera(scene, obj, splat).at_size(*picture.size)
+    camera = near.relative_to([-value for value in splat_object.origin_of(splat)])
     verdict, props = camera_solution.verdict(scene, obj), obj.data.gssmc
     said: dict[str, Any] = {"lens_state": props.lens_state.lower()}
     if verdict != "NONE":
         changed = [f"{camera_solution.title(scene, obj)}."] if verdict == camera_solution.CHANGED else []
         said |= {"verdict": verdict.lower(), "reasons": changed + props.reasons.splitlines()}
-    return Outgoing(obj.name, replace(camera, file=picture.file), verdict, said, picture.movie_frame)
+    return Outgoing(obj.name, replace(camera, file=picture.file), verdict, said, picture.movie_frame, picture.orientation)
 
 
 def _record(item: Outgoing) -> dict[str, object]:

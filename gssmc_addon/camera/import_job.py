@@ -7,7 +7,7 @@ made is kept by session id.
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,20 +18,21 @@ import numpy as np
 from ...core import cameras as datasets
 from ...core.cameras.files import StartCamera
 from ...core.cameras.training_world import read_training_world
-from ...core.errors import CameraError, GssmcError
+from ...core.errors import CameraError, GssmcError, PhotoError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera
+from ...core.photos.fit import fit_camera
 from ...core.photos.lens_guess import guess_lens
-from ...core.photos.photo import Photo, PhotoFacts, check_size, photo_facts, read_photo
+from ...core.photos.photo import Photo, PhotoFacts, photo_facts, read_photo
+from ...core.photos.places import PhotoFinder
 from ..jobs.machine import Job
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
+from ..splat import object as splat_object
 from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import bridge as camera_bridge
 
-# Relative to the camera file, where COLMAP and nerfstudio usually put them.
-PHOTO_PLACES = (".", "images", "../images", "../../images")
 COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")
 SLICE_S = 0.05  # How much of each tick is used; a photo that has to be rotated may take longer.
 READING = 0.5  # share of the progress shown
@@ -46,7 +47,19 @@ class Incoming:
     turned: bool = False
 
 
-Found = list[Incoming | None]  # None where neither the camera nor its photo gives a lens.
+@dataclass(frozen=True)
+class LeftOut:
+    """A camera that cannot be made: `why` in a sentence, "" where neither the file nor the photo gives a lens."""
+
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was read of a file: its cameras in their order, and sentences on what of it is left out."""
+
+    cameras: list[Incoming | LeftOut]
+    notes: tuple[str, ...] = ()
 
 
 def read_incoming(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
@@ -55,16 +68,15 @@ def read_incoming(path: Path, photos: Path | None, world: Path | None = None) ->
     `world`: nerfstudio's file that says how the splat's world lies to the cameras'.
     """
     path = model_of(path)
-    folder = path if path.is_dir() else path.parent
-    places = [photos] if photos else [folder / place for place in PHOTO_PLACES]
-    starts, found = datasets.starts(path), []
+    finder, read, found = PhotoFinder(path, photos), datasets.starts(path), []
+    starts = read.placed
     if world is not None:
         moved = read_training_world(world)
-        starts = [replace(start, pose=moved.pose_to_scene(start.pose)) for start in starts]
+        starts = tuple(replace(start, pose=moved.pose_to_scene(start.pose)) for start in starts)
     for number, start in enumerate(starts, start=1):
-        found.append(_incoming(start, places))
+        found.append(_incoming(start, finder))
         yield number / len(starts)
-    return found
+    return Found(found, read.notes)
 
 
 def model_of(path: Path) -> Path:
@@ -72,17 +84,18 @@ def model_of(path: Path) -> Path:
     return path.parent if path.stem in COLMAP_OTHERS and path.suffix in (".txt", ".bin") else path
 
 
-def _incoming(start: StartCamera, places: Sequence[Path]) -> Incoming | None:
-    name = start.file.replace("\\", "/")
-    tries = [place / n for place in places for n in (name, Path(name).name)] if name else []
-    file = next((f for f in tries if f.is_file()), None)
+def _incoming(start: StartCamera, finder: PhotoFinder) -> Incoming | LeftOut:
+    file = finder.find(start.file)
     facts = _facts(file) if file else None
     if file is None or facts is None:
-        return Incoming(start.camera(start.intrinsics), None) if start.intrinsics else None
+        return Incoming(start.camera(start.intrinsics), None) if start.intrinsics else LeftOut()
     # Only size and focal length are read here, because decoding hundreds of photos would take minutes.
-    photo = Photo(np.zeros((1, 1, 3), np.uint8), str(file), facts.focal_35mm, full_size=(facts.width, facts.height))
-    camera = start.camera(guess_lens(photo).intrinsics)
-    camera = replace(camera, intrinsics=check_size(photo, camera.intrinsics))
+    size = facts.width, facts.height
+    photo = Photo(np.zeros((1, 1, 3), np.uint8), str(file), facts.focal_35mm, full_size=size, orientation=facts.orientation)
+    try:
+        camera = fit_camera(photo, start.camera(guess_lens(photo).intrinsics, facts.orientation))
+    except (CameraError, PhotoError) as error:
+        return LeftOut(str(error))
     return Incoming(camera, file, not facts.stored_upright)
 
 
@@ -95,7 +108,8 @@ def _facts(file: Path) -> PhotoFacts | None:
 
 
 class CameraImport(Job):
-    """The import of `path`. Its result is the job itself: `made` cameras, `shown` with their photo, `left_out` for no lens.
+    """The import of `path`. Its result is the job itself: `made` cameras, `shown` with their photo, `left_out` for no lens, and
+    why others do not fit their photos (`unfit`).
 
     The cameras come into the scene at the end, all together, in a collection named after the file.
     """
@@ -109,6 +123,8 @@ class CameraImport(Job):
         super().__init__(partial(read_incoming, path, photos, world))
         self.step = n_("Reading cameras and photos")
         self.made = self.shown = self.left_out = 0
+        self.unfit: list[str] = []
+        self.notes: tuple[str, ...] = ()
         self._path, self._set_resolution = path, set_resolution
         self._scene, self._splat = scene.session_uid, scene.gssmc.splat.session_uid
         self._left: list[Incoming] | None = None  # The cameras that are still to be made, in reverse order.
@@ -166,13 +182,17 @@ class CameraImport(Job):
         bpy.data.batch_remove([image for image in images if image and image.users == 0])
 
     def _begin(self, found: Found) -> None:
-        usable = [item for item in found if item is not None]
+        usable = [item for item in found.cameras if isinstance(item, Incoming)]
+        self.unfit = [item.why for item in found.cameras if isinstance(item, LeftOut) and item.why]
+        self.notes = found.notes
+        if not usable and self.unfit:
+            raise CameraError(self.unfit[0])
         if not usable:
             name = model_of(self._path).name
             raise CameraError(
                 rpt_("No camera in '{file}' has a lens, nor a photo to take one from; give the photos' folder.", file=name)
             )
-        self.left_out = len(found) - len(usable)
+        self.left_out = len(found.cameras) - len(usable) - len(self.unfit)
         self.step = iface_("Making cameras")
         scene, lens = by_uid(bpy.data.scenes, self._scene), usable[0].camera.intrinsics
         self._size = scene.render.resolution_x, scene.render.resolution_y
@@ -189,7 +209,8 @@ class CameraImport(Job):
         if item.file:
             obj.data.gssmc.photo = _image(item.file, item.turned)
             self.shown += 1
-        camera_bridge.write_new_camera(scene, obj, by_uid(scene.objects, self._splat), item.camera)
+        splat = by_uid(scene.objects, self._splat)
+        camera_bridge.write_new_camera(scene, obj, splat, item.camera.relative_to(splat_object.origin_of(splat)))
         obj.data.gssmc.lens_state = "GUESSED" if item.camera.focal_guessed else "CALIBRATED"
         self._first = self._first or obj.session_uid
         self.made += 1

@@ -60,7 +60,10 @@ def of_report(report: RefineReport, lens_state: str) -> SolvedCamera:
 
 
 def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, solution: SolvedCamera) -> None:
-    """Writes the record of a camera that was just set to it, and its verdict."""
+    """Writes the record of a camera that was just set to it, and its verdict, and shows its photo as it is: the verdict is
+    about that.
+    """
+    photo_image.straighten(camera.data)
     props, image = camera.data.gssmc, photo_image.camera_photo(camera)
     moves = image.source in plate_source.MOVING if image else plate_source.has_clip(camera)
     solution = replace(solution, points=len(splat.data.points), frame=scene.frame_current if moves else None)

@@ -26,6 +26,7 @@ from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..registration import camera_props
 from ..splat import importer as splat_import
+from ..splat import object as splat_object
 
 
 def save(path: Path, outcome: Outcome, results: Path | None, orientation: Orientation | Literal["AUTO"]) -> None:
@@ -72,6 +73,7 @@ def _verdicts(outcome: Outcome, results: Path | None) -> list[dict[str, Any]]:
 def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]) -> bpy.types.Object:
     """A camera object at the engine's camera, with its photo behind it where there is one that can be read."""
     scene = bpy.context.scene
+    camera = camera.relative_to(splat_object.origin_of(scene.gssmc.splat))
     name = Path(camera.file).stem or "Camera"
     obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     scene.collection.objects.link(obj)

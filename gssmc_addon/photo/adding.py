@@ -17,7 +17,8 @@ from . import camera as photo_camera
 from . import image as photo_image
 from . import list as photo_list
 
-SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".exr")
+SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".avif", ".heic", ".heif", ".dng", ".bmp", ".exr")
+NAMED = 5  # files that a sentence names
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)  # The file browser shows these files.
 
 
@@ -29,6 +30,12 @@ def photos_in(folder: Path) -> list[Path]:
     if not found:
         raise RefineError(rpt_("The folder '{folder}' holds no photos (JPEG, PNG, TIFF, WebP or OpenEXR).", folder=folder.name))
     return found
+
+
+def others_in(folder: Path) -> list[str]:
+    """The names of a folder's other files, which `photos_in` leaves out, but for hidden ones."""
+    files = (path for path in folder.iterdir() if path.suffix.lower() not in SUFFIXES and path.is_file())
+    return sorted(path.name for path in files if not path.name.startswith("."))
 
 
 def _decoded(read: Callable[[], Photo]) -> Steps:
@@ -46,7 +53,10 @@ def chosen_photos(directory: str, names: Sequence[str], filepath: str) -> list[P
 
 
 class AddPhotosJob(QueueJob):
-    """Reads the photos and gives each a camera. Its result is the job itself: `added` cameras and `failed` (file, why)."""
+    """Reads the photos and gives each a camera. Its result is the job itself: `added` cameras and `failed` (file, why).
+
+    `known`: how many of the files that were chosen are on the list already; `others`: names of files that are no photos.
+    """
 
     status = n_("Adding photos    Esc: stop")
 
@@ -55,6 +65,7 @@ class AddPhotosJob(QueueJob):
         self.paths, self.camera_file = paths, camera_file
         self.added: list[int] = []  # session ids of the cameras
         self.failed: list[tuple[str, str]] = []
+        self.known, self.others = 0, list[str]()
         self._scene = scene.session_uid
 
     def check(self) -> None:
@@ -88,12 +99,20 @@ class AddPhotosJob(QueueJob):
         return self
 
     def summary(self) -> str:
-        """Up to three sentences: what was added, what could not be, what was left out."""
+        """What was added, what could not be, and what was left out."""
         sentences = [rpt_("{count} photos added, each with its camera.", count=len(self.added))]
         if len(self.added) == 1:
             sentences = [rpt_("1 photo added, with its camera.")]
         if self.failed:
             sentences.append(rpt_("{count} could not be used; the list says why.", count=len(self.failed)))
+        if self.known:
+            sentences.append(rpt_("{count} are on the list already.", count=self.known))
+        if len(self.others) == 1:
+            sentences.append(rpt_("1 other file is no photo that can be read, and left out: {name}.", name=self.others[0]))
+        elif self.others:
+            names, more = ", ".join(self.others[:NAMED]), ", ..." if len(self.others) > NAMED else ""
+            values = {"count": len(self.others), "names": names + more}
+            sentences.append(rpt_("{count} other files are no photos that can be read, and left out: {names}.", **values))
         left = self.count - len(self.added) - len(self.failed)
         if left == 1:
             sentences.append(rpt_("1 was left out when you stopped."))

@@ -7,17 +7,21 @@ from pathlib import Path
 
 import bpy
 
+from ...core.cameras import camera_file
 from ...core.cameras.names import record_of_photo
-from ...core.cameras.unplaced import Unplaced, read_wanted
+from ...core.cameras.unplaced import Unplaced
 from ...core.errors import CameraError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera, Intrinsics
+from ...core.photos.fit import fit_camera as fit_to_photo
+from ...core.photos.fit import fit_lens
 from ...core.photos.lens_guess import guess_lens
-from ...core.photos.photo import Photo, check_size
+from ...core.photos.photo import Photo
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame
 from ..registration import camera_props
+from ..splat import object as splat_object
 from ..support.texts import rpt_
 from . import image as photo_image
 
@@ -41,19 +45,19 @@ class ViewportView:
 
 def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera | Unplaced:
     """The camera that the file has for this photo, or its lens where there is no pose, by the same rules as on the command
-    line.
+    line, in the splat object's coordinates.
 
     Raises CameraError when none or several name the photo or no splat can carry the pose, PhotoError when the shapes differ.
     """
-    wanted = record_of_photo(read_wanted(Path(bpy.path.abspath(path))), photo.file, Path(path).name)
+    wanted = record_of_photo(camera_file(Path(bpy.path.abspath(path))).records, photo.file, Path(path).name)
     if isinstance(wanted, Unplaced):
-        lens = wanted.intrinsics and check_size(photo, wanted.intrinsics)
-        return replace(wanted, intrinsics=lens)
+        lens = wanted.intrinsics and fit_lens(photo, wanted.intrinsics, wanted.pixel_order)
+        return replace(wanted, intrinsics=lens, pixel_order="upright")
     if not scene.gssmc.splat:
         raise CameraError(rpt_("The camera file's pose needs a splat to stand in; import the splat first."))
     camera_bridge.splat_similarity(scene.gssmc.splat)
-    camera = wanted.camera(guess_lens(photo).intrinsics)
-    return replace(camera, intrinsics=check_size(photo, camera.intrinsics))
+    found = fit_to_photo(photo, wanted.camera(guess_lens(photo).intrinsics, photo.orientation))
+    return found.relative_to(splat_object.origin_of(scene.gssmc.splat))
 
 
 CAMERA_ITEMS = (

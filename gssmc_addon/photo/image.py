@@ -19,6 +19,8 @@ from ..support.texts import rpt_
 log = logging.getLogger(__name__)
 
 FILE_KEY = "gssmc_file"
+# Of a background image: frame method, offset x and y, scale, rotation, flips along x and y.
+STRAIGHT = ("FIT", 0.0, 0.0, 1.0, 0.0, False, False)
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
 
 
@@ -149,6 +151,14 @@ def photo_file(image: bpy.types.Image) -> str:
     return bpy.path.abspath(image.filepath_raw or image.get(FILE_KEY, ""), library=image.library)
 
 
+def orientation_in_file(image: bpy.types.Image) -> int:
+    """The EXIF orientation (1..8) with which the file stores its pixels; 1 where there is no file that tells one."""
+    try:
+        return photo_facts(photo_file(image)).orientation
+    except PhotoError:
+        return 1
+
+
 def own_size(data: bpy.types.Camera) -> tuple[int, int]:
     """(width, height) of the camera's photo upright, in its own file, of which Blender may hold a smaller copy.
 
@@ -189,10 +199,38 @@ def show_behind(data: bpy.types.Camera, image: bpy.types.Image) -> None:
     )
     slot.image = image
     slot.alpha = BACKGROUND_ALPHA
-    slot.frame_method = "FIT"
+    _straighten(slot)
     slot.display_depth = "FRONT"
     slot.show_background_image = True
     data.show_background_images = True
+
+
+def is_straight(data: bpy.types.Camera) -> bool:
+    """Whether the camera shows its photo as it is, whole: a picture that is shifted, scaled, turned, flipped or cropped looks
+    misplaced on a splat that it fits.
+    """
+    return all(_settings(slot) == STRAIGHT for slot in _photo_slots(data))
+
+
+def straighten(data: bpy.types.Camera) -> None:
+    """Shows the camera's photo as it is."""
+    for slot in _photo_slots(data):
+        if _settings(slot) != STRAIGHT:
+            _straighten(slot)
+
+
+def _photo_slots(data: bpy.types.Camera) -> list[bpy.types.CameraBackgroundImage]:
+    shown = [image for image in (photo_of(data), data.gssmc.undistorted) if image]
+    return [b for b in data.background_images if (b.source == "MOVIE_CLIP" and b.clip) or b.image in shown]
+
+
+def _settings(slot: bpy.types.CameraBackgroundImage) -> tuple[object, ...]:
+    return slot.frame_method, *slot.offset, slot.scale, slot.rotation, slot.use_flip_x, slot.use_flip_y
+
+
+def _straighten(slot: bpy.types.CameraBackgroundImage) -> None:
+    slot.frame_method, slot.offset, slot.scale, slot.rotation = STRAIGHT[0], STRAIGHT[1:3], STRAIGHT[3], STRAIGHT[4]
+    slot.use_flip_x = slot.use_flip_y = False
 
 
 def show_instead(data: bpy.types.Camera, image: bpy.types.Image, photo: Photo) -> bpy.types.Image:

@@ -140,6 +140,9 @@ class RefineQueue(RetryQueue):
         elif start:
             how = rpt_('Found from the camera of "{name}".', name=start.name)
         if start is None or RANK[report.verdict] > RANK[before]:
+            camera = by_uid(bpy.data.objects, self._cameras[item][0])
+            if report.verdict != "failed" and camera is not None and not photo_image.is_straight(camera.data):
+                how = " ".join(filter(None, [how, rpt_(refine_job.STRAIGHTENED)]))
             if isinstance(report, FindReport):
                 find_job.apply_report(self._targets[item], report)
             else:

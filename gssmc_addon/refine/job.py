@@ -33,6 +33,7 @@ from ..support import problem
 from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 
+STRAIGHTENED = n_("The background image had an offset, scale, rotation, flip or crop of its own, which was reset.")
 REMOVED = {
     "splat": n_('The splat "{name}" was removed while the refinement ran; nothing was changed.'),
     "camera": n_('The camera "{name}" was removed while the refinement ran; nothing was changed.'),
@@ -170,6 +171,8 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
         camera_bridge.write_camera(scene, camera, splat, report.camera)
         if keyed := camera_channels.write_keyframes(scene, camera):
             notes.append(keyed)
+        if not photo_image.is_straight(camera.data):
+            notes.append(rpt_(STRAIGHTENED))
         state = camera.data.gssmc.lens_state
         camera_solution.keep(scene, camera, splat, camera_solution.of_report(report, state))
         if camera == scene.camera:

@@ -13,7 +13,7 @@ import numpy as np
 from ...core.errors import SplatFormatError
 from ...core.splats.scene import GaussianScene
 from ..support.texts import n_, rpt_
-from .object import BASE, SH_PREFIX, check_attribute, is_splat, read_attribute, sh_bands
+from .object import ANTIALIASED, BASE, SH_PREFIX, check_attribute, is_splat, read_attribute, sh_bands
 
 SHAPE = (("position", 3), ("scale", 3), ("rotation", 4), (BASE, 4))  # before the SH coefficients
 
@@ -29,6 +29,7 @@ class SplatCopy:
     rotations: np.ndarray
     base: np.ndarray
     bands: tuple[np.ndarray, ...]
+    antialiased: bool = False
 
     def assemble(self) -> GaussianScene:
         """The engine's scene. Needs no Blender and takes a while on large scans, hence fit for a worker thread.
@@ -42,8 +43,8 @@ class SplatCopy:
             sh[:, k + 1] = band
         opacities = self.base[:, 3].copy()
         try:
-            scene = GaussianScene(self.means, self.scales, self.rotations, opacities, sh, format="Blender point cloud")
-            return scene.checked()
+            arrays = (self.means, self.scales, self.rotations, opacities, sh)
+            return GaussianScene(*arrays, format="Blender point cloud", antialiased=self.antialiased).checked()
         except SplatFormatError:
             raise SplatFormatError(
                 n_("Every Gaussian of the splat object holds a value that is not finite; import the file again.")
@@ -70,6 +71,7 @@ class SplatCopying:
         self._wanted = [*SHAPE, *((f"{SH_PREFIX}{k}", 3) for k in range(sh_bands(obj.data)))]
         for name, components in self._wanted:
             check_attribute(obj.data, name, components)
+        self._antialiased = bool(obj.data.get(ANTIALIASED))
         self._name, self._uids = obj.name, (obj.session_uid, obj.data.session_uid)
         self._room: list[np.ndarray] = []  # One array per attribute and one to compare with; the thread adds them.
         self._copied = self._compared = 0
@@ -125,7 +127,7 @@ class SplatCopying:
         arrays = [array.reshape(self._count, components) for array, (_, components) in pairs]
         self._room = []
         means, scales, rotations, base, *bands = arrays
-        return SplatCopy(means, scales, rotations, base, tuple(bands))
+        return SplatCopy(means, scales, rotations, base, tuple(bands), self._antialiased)
 
     def _make_room(self, compare: bool = True) -> None:
         try:

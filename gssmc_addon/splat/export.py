@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -46,6 +46,8 @@ def write(path: Path, splat: bpy.types.Object, coordinates: Coordinates) -> Writ
     CameraError when the object is mirrored or scaled unevenly, SplatFormatError when it is no splat or can't be written.
     """
     scene = read_splat(splat)
+    if coordinates == "OBJECT":
+        scene = replace(scene, origin=splat_object.origin_of(splat))
     if coordinates != "OBJECT":
         scene = transformed(scene, _into_file(splat, coordinates), "Z_UP" if coordinates == "SCENE" else "Y_DOWN")
     try:

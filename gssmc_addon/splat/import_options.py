@@ -59,6 +59,9 @@ def summary(obj: bpy.types.Object, scene: GaussianScene) -> str:
     """Up to two sentences: what was imported as `obj`, and what was left out."""
     values = {"name": obj.name, "count": len(scene), "degree": scene.sh_degree, "format": scene.format}
     sentences = [rpt_('"{name}": {count:,} Gaussians, SH degree {degree} ({format}).', **values)]
+    if any(scene.origin):
+        place = dict(zip("xyz", scene.origin, strict=True))
+        sentences.append(rpt_("It lies around ({x:.0f}, {y:.0f}, {z:.0f}), which is the object's own origin now.", **place))
     return " ".join([*sentences, *left_out(scene)])
 
 

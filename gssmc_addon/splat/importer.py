@@ -143,6 +143,10 @@ class Building:
             splat_display.dress_splat(cloud, look.radius)
         if look.viewport:
             viewport.prime(cloud, look.viewport)
+        if any(scene.origin):
+            cloud[splat_object.ORIGIN] = scene.origin
+        if scene.antialiased:
+            cloud[splat_object.ANTIALIASED] = True
         obj = bpy.data.objects.new(self._name, cloud)
         axes = scene.orientation if place.orientation == "AUTO" else place.orientation
         obj.matrix_world = Matrix(conventions.orientation_matrix(axes).tolist()) @ Matrix.Scale(place.scale, 4)

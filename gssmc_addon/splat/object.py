@@ -16,6 +16,9 @@ from ...core.splats.scene import SH_COEFFICIENTS, GaussianScene
 from ..support.texts import rpt_
 
 BASE = "radiance:base"
+# A custom property of the point cloud, with double precision: the scene's origin, as in GaussianScene.
+ORIGIN = "gssmc_origin"
+ANTIALIASED = "gssmc_antialiased"  # a custom property of the point cloud, as in GaussianScene; there where it is true
 SH_PREFIX = "radiance:sh_"
 REQUIRED = ("position", "scale", "rotation", BASE)
 COMPONENTS = {"FLOAT_VECTOR": 3, "QUATERNION": 4, "FLOAT_COLOR": 4, "FLOAT4": 4}
@@ -24,6 +27,12 @@ COMPONENTS = {"FLOAT_VECTOR": 3, "QUATERNION": 4, "FLOAT_COLOR": 4, "FLOAT4": 4}
 def is_splat(obj: bpy.types.Object | None) -> TypeGuard[bpy.types.Object]:
     """True for a point cloud object in the layout above, whoever made it; cheap enough for a panel's draw()."""
     return obj is not None and obj.type == "POINTCLOUD" and is_splat_cloud(obj.data)
+
+
+def origin_of(obj: bpy.types.Object) -> tuple[float, float, float]:
+    """Where the object's own coordinates begin in those of its file."""
+    x, y, z = obj.data.get(ORIGIN, (0.0, 0.0, 0.0))
+    return float(x), float(y), float(z)
 
 
 def is_splat_cloud(cloud: bpy.types.PointCloud) -> bool:

@@ -1,4 +1,6 @@
-"""`convert CAMERAS OUT`: cameras from one layout into another, and between nerfstudio's two worlds."""
+"""`convert CAMERAS OUT`: cameras from one layout into another, and between nerfstudio's two worlds. `convert SCENE OUT`: see
+`convert_scene`.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,10 @@ from ...geometry.camera import Camera
 from ...geometry.conventions import Similarity
 from ...support.atomic import atomic_write
 from ...support.words import counted
-from ..console import say
+from ..console import message, say
+from ..convert_scene import WRITERS as SCENE_WRITERS
+from ..convert_scene import convert_scene, is_scene
+from ..flags import CAMERAS_HELP, SCENE_HELP
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 
@@ -24,9 +29,11 @@ SUFFIXES = {".json": "json", ".txt": "poses", "": "colmap"}
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
-    parser = commands.add_parser("convert", help="write cameras in another layout, or in the world of a nerfstudio splat")
-    parser.add_argument("cameras", type=Path, help="camera JSON, COLMAP, pose list, 7-Scenes, Cambridge, nerfstudio")
-    parser.add_argument("out", type=Path, help="file or, for COLMAP, folder to write")
+    text = "write cameras in another layout, or in the world of a nerfstudio splat; or a splat scan in another format"
+    parser = commands.add_parser("convert", help=text)
+    parser.add_argument("cameras", type=Path, help=f"{CAMERAS_HELP}; or a {SCENE_HELP}")
+    scenes = ", ".join(SCENE_WRITERS)
+    parser.add_argument("out", type=Path, help=f"file or, for COLMAP, folder to write; for a scan a file ending in {scenes}")
     parser.add_argument("--to", choices=list(WRITERS), help="layout of OUT (by its ending: .json, .txt = poses, none = colmap)")
     world = parser.add_mutually_exclusive_group()
     world.add_argument("--into-training-world", type=Path, metavar=FILE, help="from transforms.json's world to the splat's")
@@ -35,17 +42,30 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def run(args: argparse.Namespace) -> Outcome:
+    if args.to is None and is_scene(args.out):
+        convert_scene(args.cameras, args.out)
+        return Outcome(OK)
     layout = args.to or SUFFIXES.get(args.out.suffix.lower())
     if layout is None:
         raise DatasetError(f"The ending of '{args.out.name}' tells no layout; say --to {', --to '.join(WRITERS)}.")
     _check_paths(args, layout)
     world = _world(args.into_training_world, args.out_of_training_world)
-    found = starts(args.cameras)
+    read = starts(args.cameras)
+    found = list(read.placed)
+    for note in (*read.notes, *_unfinished(found)):
+        message(note)
     if world is not None:
         found = [replace(start, pose=world.pose_to_scene(start.pose)) for start in found]
     WRITERS[layout](args.out, found)
     say(f"{counted(len(found), 'camera')} {'was' if len(found) == 1 else 'were'} written to '{args.out}'.")
     return Outcome(OK)
+
+
+def _unfinished(found: Sequence[StartCamera]) -> list[str]:
+    """What is told of lenses that cannot be written, because they need their photos' sizes."""
+    count = sum(start.lens_of_size is not None for start in found)
+    text = f"The lens of {counted(count, 'camera')} needs the size of the photo, which is not told, and is not written."
+    return [text] if count else []
 
 
 def _check_paths(args: argparse.Namespace, layout: str) -> None:

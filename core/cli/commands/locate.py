@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from ...batch.find_one import find_target, found_to_dict
+from ...batch.place import into_file
 from ...batch.refine_one import read_masked_photo
 from ...cameras.files import StartCamera
 from ...cameras.unplaced import Unplaced
@@ -15,7 +17,7 @@ from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ..console import message
 from ..dropped import say_dropped
-from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
@@ -27,7 +29,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser("locate", help="find the exact camera of one photo without a start")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
-    parser.add_argument("--camera", type=Path, metavar="LENS.json", help="the lens, where known (EXIF's, or a guess)")
+    lens = f"the lens, where known (EXIF's, or a guess); {CAMERAS_HELP}"
+    parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=lens)
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
     add_map_flags(parser)
@@ -50,17 +53,19 @@ def run(args: argparse.Namespace) -> Outcome:
     for remark in photo.notes:
         message(remark)
     given = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
-    wanted = Unplaced(photo.file, given.intrinsics, given.focal_guessed).with_guess(guess_lens(photo).intrinsics)
+    known = given if isinstance(given, Unplaced) else Unplaced.of(given)
+    wanted = replace(known, file=photo.file).with_guess(guess_lens(photo).intrinsics)
     target = find_target(photo, wanted)
     _say_lens(given, photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         found = find_with_progress(renderer, target, flags.cache(scene), settings)
-    put_result(args.out, found_to_dict(found, wanted))
+    put_result(args.out, into_file(found_to_dict(found, wanted), scene.origin))
     if found.camera is None or found.refined is None:
         return Outcome(FAILED_VERDICT, args.scene)
-    return Outcome(OK, args.scene, (found.camera,), (args.photo,), (found.refined,), (mask,))
+    camera = found.camera.relative_to([-value for value in scene.origin])
+    return Outcome(OK, args.scene, (camera,), (args.photo,), (found.refined,), (mask,))
 
 
 def _say_lens(given: StartCamera | Unplaced, photo: Photo) -> None:

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from ...batch.find_one import find_target, found_to_dict, joined
+from ...batch.place import into_file, into_scene
 from ...batch.refine_one import read_masked_photo, refine_photo
+from ...cameras import camera_file
 from ...cameras.files import StartCamera
 from ...cameras.names import record_of_photo
-from ...cameras.unplaced import Unplaced, read_wanted
+from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
 from ...photos.lens_guess import guess_lens
@@ -25,7 +27,7 @@ from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
 from ..console import message
 from ..dropped import say_dropped
-from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
@@ -38,7 +40,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
     parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
     start = "the start: rough pose, and lens where known; without it, or without a pose in it, the photo is searched for"
-    parser.add_argument("--camera", type=Path, metavar="CAM.json", help=start)
+    parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=f"{start}; {CAMERAS_HELP}")
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
     add_map_flags(parser, switch=True)
@@ -68,7 +70,8 @@ def run(args: argparse.Namespace) -> Outcome:
     code = FAILED_VERDICT if placed.record["verdict"] == "failed" else OK
     if placed.report is None:
         return Outcome(code, args.scene)
-    return Outcome(code, args.scene, (placed.report.camera,), (args.photo,), (placed.report,), (mask,))
+    camera = placed.report.camera.relative_to([-value for value in scene.origin])
+    return Outcome(code, args.scene, (camera,), (args.photo,), (placed.report,), (mask,))
 
 
 def _check_paths(args: argparse.Namespace, settings: RefineSettings, mask: Path | None) -> None:
@@ -96,6 +99,12 @@ class Placing:
         self._renderer, self._scene, self._settings, self._flags = renderer, scene, settings, flags
 
     def place(self, photo: Photo, wanted: Camera | Unplaced) -> Placed:
+        """The end, in the coordinates of the scan's file."""
+        origin = self._scene.origin
+        placed = self._placed(photo, into_scene(wanted, origin))
+        return Placed(into_file(placed.record, origin), placed.report)
+
+    def _placed(self, photo: Photo, wanted: Camera | Unplaced) -> Placed:
         if isinstance(wanted, Unplaced):
             return self._find(photo, wanted)
         with ProgressBar("Refining") as bar:
@@ -131,15 +140,20 @@ def wanted_camera(wanted: StartCamera | Unplaced, photo: Photo) -> Camera | Unpl
     is said then.
     """
     guess = guess_lens(photo)
-    if wanted.intrinsics is None:
+    if wanted.tells_no_lens:
         message(
             f"{'The start tells no lens' if isinstance(wanted, StartCamera) else 'The lens is not known'}: {guess.assumption}."
         )
     if isinstance(wanted, Unplaced):
         return replace(wanted.with_guess(guess.intrinsics), file=photo.file)
-    return replace(wanted.camera(guess.intrinsics), file=photo.file)
+    return replace(wanted.camera(guess.intrinsics, photo.orientation), file=photo.file)
 
 
 def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:
-    """The record for the photo. Raises CameraError when the file has none, or several."""
-    return record_of_photo(read_wanted(file), photo.name, file.name)
+    """The record for the photo in a camera file of any layout, whose notes are said. Raises CameraError when the file has none,
+    or several.
+    """
+    found = camera_file(file)
+    for note in found.notes:
+        message(note)
+    return record_of_photo(found.records, photo.name, file.name)

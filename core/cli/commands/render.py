@@ -13,15 +13,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...cameras.files import read_cameras
-from ...errors import UsageError
+from ...cameras import starts
+from ...errors import CameraError, UsageError
 from ...geometry.camera import Camera
 from ...render import RenderedView, Renderer, RenderSettings
 from ...splats import read_splats
 from ...support.atomic import atomic_write
-from ..console import say
+from ..console import message, say
 from ..dropped import say_dropped
-from ..flags import SCENE_HELP, number, whole_number
+from ..flags import CAMERAS_HELP, SCENE_HELP, number, whole_number
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 
@@ -29,7 +29,7 @@ from ..paths import check_outputs
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("render", help="draw the splat from every camera of a file, as a pinhole (no lens distortion)")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
-    parser.add_argument("cameras", type=Path, help='camera JSON: one camera, or a list under "frames"')
+    parser.add_argument("cameras", type=Path, help=CAMERAS_HELP)
     parser.add_argument("outdir", type=Path, help="folder for the pictures, made where it is missing")
     parser.add_argument("--npz", action="store_true", help="write float arrays color, depth, alpha beside each picture")
     parser.add_argument(
@@ -44,7 +44,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> Outcome:
     if args.near is not None and not 0 < args.near < math.inf:
         raise UsageError(f"--near is {args.near:g}; give a distance above 0 in scene units.")
-    cameras = read_cameras(args.cameras)
+    cameras = _cameras(args.cameras)
     names = output_names(cameras, args.cameras.stem)
     _check_paths(args, cameras, names)
     scene = read_splats(args.scene)
@@ -53,13 +53,25 @@ def run(args: argparse.Namespace) -> Outcome:
     args.outdir.mkdir(parents=True, exist_ok=True)
     milliseconds: list[float] = []
     for camera, name in zip(cameras, names, strict=True):
-        view = renderer.render(camera.intrinsics, camera.pose)
+        near = camera.relative_to(scene.origin)
+        view = renderer.render(near.intrinsics, near.pose)
         write_view(args.outdir / name, view, args.npz)
-        milliseconds += _time(renderer, camera, args.repeat)
+        milliseconds += _time(renderer, near, args.repeat)
     if milliseconds:
         median = round(statistics.median(milliseconds), 3)
         say(json.dumps({"median_ms": median, "frames": len(cameras), "repeat": args.repeat, "gaussians": len(scene)}))
     return Outcome(OK, args.scene, tuple(cameras))
+
+
+def _cameras(path: Path) -> list[Camera]:
+    """The cameras of a file of any layout; what is left out is said. Raises CameraError where one has no lens."""
+    found = starts(path)
+    for note in found.notes:
+        message(note)
+    for position, start in enumerate(found.placed, 1):
+        if start.intrinsics is None:
+            raise CameraError(f"Camera {position} of '{path.name}' has no lens of a known size; give width, height, fx and fy.")
+    return [start.camera(start.intrinsics) for start in found.placed if start.intrinsics is not None]
 
 
 def _check_paths(args: argparse.Namespace, cameras: Sequence[Camera], names: Sequence[str]) -> None:

@@ -18,6 +18,8 @@ from .header import PlyElement, PlyHeader
 # A chunk and its columns stay in the processor's cache while they are transposed.
 CHUNK_BYTES = 1 << 20
 ASCII_CHUNK_ROWS = 4096
+# From here on float32 rounds to more than a ten-thousandth of a unit.
+FAR = 1024.0
 
 
 def rows_at_most(file: IO[bytes], header: PlyHeader, vertex: PlyElement) -> int:
@@ -28,19 +30,50 @@ def rows_at_most(file: IO[bytes], header: PlyHeader, vertex: PlyElement) -> int:
     return min(vertex.count, (left + 1) // (2 * len(vertex.properties)))  # a digit and a separator for each value
 
 
-def vertex_columns(file: IO[bytes], header: PlyHeader, names: Sequence[str]) -> Iterator[Float32Array]:
+class FarOrigin:
+    """What is subtracted from the first three columns, x y z, of a file with more digits than float32 has: whole numbers near
+    the middle of its first chunk where that lies far out, else zero.
+    """
+
+    def __init__(self) -> None:
+        self.origin = np.zeros(3)
+        self._found = False
+
+    def subtract(self, xyz: NDArray[np.float64]) -> NDArray[np.float64]:
+        """xyz (n, 3) less the origin."""
+        if not self._found and len(xyz):
+            self._found = True
+            finite = xyz[np.isfinite(xyz).all(axis=1)]
+            middle = np.rint(np.median(finite, axis=0)) if len(finite) else np.zeros(3)
+            self.origin = middle if np.abs(middle).max() > FAR else np.zeros(3)
+        return xyz - self.origin
+
+
+def vertex_columns(
+    file: IO[bytes], header: PlyHeader, names: Sequence[str], far: FarOrigin | None = None
+) -> Iterator[Float32Array]:
     """Chunks (n, len(names)) of the vertex element's columns `names`, float32, in the file's row order.
 
     `file` stands at the first vertex row. The arrays may be reused between chunks. Fewer rows than promised end the
-    iteration early; the caller counts. Raises SplatFormatError on text that is not numbers.
+    iteration early; the caller counts. `far`: the first three columns are x y z, and less its origin where the file has more
+    digits than float32. Raises SplatFormatError on text that is not numbers.
     """
     vertex = header.element("vertex")
     assert vertex is not None
     order = [p.name for p in vertex.properties]
     columns = [order.index(name) for name in names]
     if header.byte_order:
-        return _binary_chunks(file, _row_type(header, vertex), rows_at_most(file, header, vertex), columns)
-    return _ascii_chunks(file, vertex.count, len(order), columns)
+        row, most = _row_type(header, vertex), rows_at_most(file, header, vertex)
+        exact = far is not None and all(vertex.properties[column].type == "f8" for column in columns[:3])
+        return _binary_chunks(file, row, most, columns, far if exact else None)
+    return (_near(values, far) for values in _ascii_chunks(file, vertex.count, len(order), columns))
+
+
+def _near(values: NDArray[np.float64], far: FarOrigin | None) -> Float32Array:
+    if far is not None:
+        values[:, :3] = far.subtract(values[:, :3])
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32)
 
 
 def skip_elements_before_vertex(file: IO[bytes], header: PlyHeader) -> None:
@@ -85,7 +118,9 @@ def _skip_lists(file: IO[bytes], byte_order: str, element: PlyElement) -> None:
                 file.seek(length * item_size, os.SEEK_CUR)
 
 
-def _binary_chunks(file: IO[bytes], row: np.dtype[np.void], count: int, columns: list[int]) -> Iterator[Float32Array]:
+def _binary_chunks(
+    file: IO[bytes], row: np.dtype[np.void], count: int, columns: list[int], far: FarOrigin | None
+) -> Iterator[Float32Array]:
     step = max(1, min(count, CHUNK_BYTES // row.itemsize))
     buffer = np.empty(step * row.itemsize, np.uint8)
     out = np.empty((step, len(columns)), np.float32)
@@ -101,10 +136,12 @@ def _binary_chunks(file: IO[bytes], row: np.dtype[np.void], count: int, columns:
             records = raw.view(row)
             for j, column in enumerate(columns):
                 out[:got, j] = records[f"c{column}"]
+        if far is not None:
+            out[:got, :3] = far.subtract(np.stack([raw.view(row)[f"c{column}"] for column in columns[:3]], axis=1))
         yield out[:got]
 
 
-def _ascii_chunks(file: IO[bytes], count: int, width: int, columns: list[int]) -> Iterator[Float32Array]:
+def _ascii_chunks(file: IO[bytes], count: int, width: int, columns: list[int]) -> Iterator[NDArray[np.float64]]:
     lines = itertools.islice((line for line in file if not line.isspace()), count)
     done = 0
     while chunk := list(itertools.islice(lines, ASCII_CHUNK_ROWS)):
@@ -118,11 +155,10 @@ def _ascii_chunks(file: IO[bytes], count: int, width: int, columns: list[int]) -
         done += len(chunk)
 
 
-def _parse(lines: list[bytes], columns: list[int], width: int) -> Float32Array:
+def _parse(lines: list[bytes], columns: list[int], width: int) -> NDArray[np.float64]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         values: NDArray[np.float64] = np.loadtxt(lines, np.float64, comments=None, ndmin=2, encoding="latin-1")
     if values.shape != (len(lines), width):
         raise ValueError("rows of another width")
-    with np.errstate(over="ignore"):
-        return values[:, columns].astype(np.float32)
+    return values[:, columns]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...support.atomic import atomic_write
 from ..activate import SH_C0
-from ..scene import Float32Array, GaussianScene
+from ..scene import Float32Array, GaussianScene, check_near
 from ..turn import turned
 from .compressed import BLOCK, CHUNK, COLOUR_BOUNDS, LARGEST_FIRST, PACKED, POSITION_BOUNDS, SCALE_BOUNDS, SH_RANGE
 from .layout import ORIENTATION
@@ -29,6 +29,7 @@ def write_compressed(path: str | Path, scene: GaussianScene) -> None:
     Lossy: positions and log scales to 1/2047 (y: 1/1023) of a chunk's extent, rotations to 0.1 degrees, SH to 1/32 within
     -4..4. Raises SplatFormatError when the scene's axes can't be turned to the layout's.
     """
+    check_near(scene, "a compressed .ply")
     scene = turned(scene, ORIENTATION)
     order = morton_order(scene.means)
     with atomic_write(path, "wb") as file:

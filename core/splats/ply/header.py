@@ -51,11 +51,12 @@ class PlyElement:
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """`byte_order` is "<", ">" or "" for ascii; `size` the header's length in bytes."""
+    """`byte_order` is "<", ">" or "" for ascii; `size` the header's length in bytes; `comments` without their first word."""
 
     byte_order: str
     elements: tuple[PlyElement, ...]
     size: int
+    comments: tuple[str, ...] = ()
 
     def element(self, name: str) -> PlyElement | None:
         return next((e for e in self.elements if e.name == name), None)
@@ -77,7 +78,8 @@ def read_header(file: IO[bytes]) -> PlyHeader:
         if words == ["end_header"]:
             break
         lines.append(words or ["comment"])
-    return PlyHeader(_byte_order(lines), _elements(lines), file.tell())
+    comments = tuple(" ".join(words[1:]) for words in lines if words[0] == "comment")
+    return PlyHeader(_byte_order(lines), _elements(lines), file.tell(), comments)
 
 
 def _byte_order(lines: list[list[str]]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,8 +15,8 @@ from ...support.words import counted
 from ..activate import SceneBuilder
 from ..format import Progress, SplatInfo
 from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
-from .body import rows_at_most, skip_elements_before_vertex, vertex_columns
-from .header import PlyElement, read_header
+from .body import FarOrigin, rows_at_most, skip_elements_before_vertex, vertex_columns
+from .header import PlyElement, PlyHeader, read_header
 
 ORIENTATION: Orientation = "Y_DOWN"  # trainers keep COLMAP's world: x right, y down, z forward (RDF)
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
@@ -34,6 +35,23 @@ class PlyLayout:
     to_raw: Callable[[Float32Array], Float32Array] = lambda rows: rows
 
 
+# nerfstudio's comment on its axes, and what Brush and Postshot write of scans to be drawn with compensated opacities.
+VERTICAL_AXIS = re.compile(r"vertical axis:\s*([yz])\b", re.IGNORECASE)
+ANTIALIASED = re.compile(r"splatrendermode:\s*mip\b|antialias(ed)?[\s:=]+(1|true)\b", re.IGNORECASE)
+UPWARDS: dict[str, Orientation] = {"y": "Y_UP", "z": "Z_UP"}
+
+
+def declared_axes(header: PlyHeader) -> Orientation | None:
+    """Which way the axes point by the file's own comments; None where they say nothing."""
+    found = next((match for comment in header.comments if (match := VERTICAL_AXIS.fullmatch(comment.strip()))), None)
+    return UPWARDS[found[1].lower()] if found else None
+
+
+def is_antialiased(header: PlyHeader) -> bool:
+    """Whether a comment says that the opacities are to be compensated for the low-pass filter."""
+    return any(ANTIALIASED.search(comment) for comment in header.comments)
+
+
 def header_names(header: bytes) -> set[str]:
     """Names of the properties in a PLY's first bytes, of all elements; empty when it is no PLY."""
     if not header.startswith(MARKS):
@@ -45,9 +63,10 @@ def header_names(header: bytes) -> set[str]:
 def inspect_layout(path: Path, layout: PlyLayout) -> SplatInfo:
     """Count and degree from the header. Raises SplatFormatError as `read_layout` does for the header."""
     with open(path, "rb") as file:
-        vertex = _gaussian_element(read_header(file).element("vertex"), layout)
-    coefficients = len(_colours(vertex)) // 3
-    return SplatInfo(layout.name, vertex.count, SH_COEFFICIENTS.index(coefficients), ORIENTATION)
+        header = read_header(file)
+    vertex, declared = _gaussian_element(header.element("vertex"), layout), declared_axes(header)
+    degree = SH_COEFFICIENTS.index(len(_colours(vertex)) // 3)
+    return SplatInfo(layout.name, vertex.count, degree, declared or ORIENTATION, declared is not None)
 
 
 def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> GaussianScene:
@@ -57,9 +76,10 @@ def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> Gau
         vertex = _gaussian_element(header.element("vertex"), layout)
         colours = _colours(vertex)
         skip_elements_before_vertex(file, header)
+        far = FarOrigin()
         builder = SceneBuilder(rows_at_most(file, header, vertex), len(colours) // 3)
         with np.errstate(over="ignore", invalid="ignore"):
-            for rows in vertex_columns(file, header, [*layout.geometry, *colours]):
+            for rows in vertex_columns(file, header, [*layout.geometry, *colours], far):
                 builder.add(layout.to_raw(rows))
                 if progress is not None:
                     progress(builder.filled / vertex.count)
@@ -68,7 +88,9 @@ def read_layout(path: Path, layout: PlyLayout, progress: Progress | None) -> Gau
             f"The file is cut off: it holds {builder.filled} of "
             f"{counted(vertex.count, 'Gaussian')} that it promises; export it again."
         )
-    return builder.scene(layout.name, ORIENTATION)
+    x, y, z = (float(value) for value in far.origin)
+    axes, soft = declared_axes(header) or ORIENTATION, is_antialiased(header)
+    return builder.scene(layout.name, axes, antialiased=soft, origin=(x, y, z))
 
 
 def _gaussian_element(vertex: PlyElement | None, layout: PlyLayout) -> PlyElement:

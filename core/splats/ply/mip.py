@@ -33,7 +33,7 @@ def _apply_filter(rows: Float32Array) -> Float32Array:
         opacity = np.clip(opacity, NEAREST_TO_ZERO, NEAREST_TO_ONE)
         out = np.delete(rows, AT, axis=1)
         out[:, 3:6] = 0.5 * np.log(variance + added)
-        out[:, 10] = np.where(np.isfinite(rows[:, 10]), np.log(opacity / (1 - opacity)), np.nan)
+        out[:, 10] = np.where(np.isnan(rows[:, 10]), np.nan, np.log(opacity / (1 - opacity)))
     return np.asarray(out)
 
 
@@ -72,10 +72,10 @@ def write_mip(path: str | Path, scene: GaussianScene, filter_3d: NDArray[np.floa
             f"Too small for the 3D filter: {wrong} of {counted(len(scene), 'Gaussian')}; give smaller filters."
         )
     parts = (scene.means, np.sqrt(bare).astype(np.float32), scene.rotations, opacity.astype(np.float32), scene.sh)
-    plain = GaussianScene(*parts)
+    plain = GaussianScene(*parts, antialiased=scene.antialiased, origin=scene.origin)
     column = np.asarray(filter_3d, np.float64)[:, None]
     names = property_names(plain, extra=(FILTER,))
-    write_rows(path, len(plain), names, lambda at: np.concatenate([raw_rows(plain, at), column[at]], axis=1), precision)
+    write_rows(path, plain, names, lambda at: np.concatenate([raw_rows(plain, at), column[at]], axis=1), precision)
 
 
 FORMAT = SplatFormat(LAYOUT.name, ".ply", ORIENTATION, detect, inspect, read)

@@ -46,7 +46,7 @@ def write_ply(path: str | Path, scene: GaussianScene, precision: Precision = "fl
 
 def write_ply_axes_kept(path: str | Path, scene: GaussianScene, precision: Precision = "float") -> None:
     """As `write_ply`, whichever way the scene's axes point; the layout has no place to tell readers."""
-    write_rows(path, len(scene), property_names(scene), lambda at: raw_rows(scene, at), precision)
+    write_rows(path, scene, property_names(scene), lambda at: raw_rows(scene, at), precision)
 
 
 FORMAT = SplatFormat(LAYOUT.name, ".ply", ORIENTATION, detect, inspect, read)

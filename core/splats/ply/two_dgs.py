@@ -61,7 +61,7 @@ def write_2dgs(path: str | Path, scene: GaussianScene, precision: Precision = "f
         raise SplatFormatError(
             f"Not flat along the third axis: {thick} of {counted(len(scene), 'Gaussian')}; write a plain .ply."
         )
-    write_rows(path, len(scene), property_names(scene, 2), lambda at: raw_rows(scene, at, 2), precision)
+    write_rows(path, scene, property_names(scene, 2), lambda at: raw_rows(scene, at, 2), precision)
 
 
 FORMAT = SplatFormat(LAYOUT.name, ".ply", ORIENTATION, detect, inspect, read)

@@ -42,7 +42,7 @@ COORDINATES = 0xADBE0003  # the extension that declares axes other than RUB
 MAX_RECORDS = 64
 REST_BY_DEGREE = (0, 3, 8, 15, 24)
 MAX_FRACTIONAL_BITS = 30
-HAS_EXTENSIONS = 2
+ANTIALIASED, HAS_EXTENSIONS = 1, 2
 BLOCK_BYTES = 1 << 16  # stays in the processor's cache
 # Real scans unpack to 2 to 5 times the size of their file. Thousands of times are an attack.
 MAX_EXPANSION = 64
@@ -63,6 +63,7 @@ class SpzHeader:
     bits: int
     orientation: Orientation = ORIENTATION
     declared: bool = False
+    antialiased: bool = False
     toc: int = 0
     streams: tuple[tuple[int, int], ...] = ()
 
@@ -100,7 +101,7 @@ def read_spz_header(path: Path) -> SpzHeader:
                 f"The .spz header has {counted(count, 'Gaussian')}, SH degree {degree} and {counted(bits, 'fractional bit')}; "
                 "it is damaged."
             )
-        header = SpzHeader(version, count, degree, bits)
+        header = SpzHeader(version, count, degree, bits, antialiased=bool(flags & ANTIALIASED))
         return _read_table(file, header, bool(flags & HAS_EXTENSIONS), streams) if version == 4 else header
 
 

@@ -63,8 +63,9 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
         _decode(payload, rest, sh[:, 1:], lambda raw: _sh(raw, coefficients - 1), done)
         payload.check_end()
     name = f"spz version {header.version}"
-    scene = GaussianScene(means, scales, rotations, opacities[:, 0], sh, format=name, orientation=header.orientation)
-    return scene.checked()
+    arrays = (means, scales, rotations, opacities[:, 0], sh)
+    made = GaussianScene(*arrays, format=name, orientation=header.orientation, antialiased=header.antialiased)
+    return made.checked()
 
 
 class _Progress:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ...errors import SplatFormatError
 from ...support.atomic import atomic_write
 from ..ply.write import WRITE_ROWS, log_scales
-from ..scene import Float32Array, GaussianScene
+from ..scene import Float32Array, GaussianScene, check_near
 from ..turn import turned
-from .payload import HEADER, MAGIC, ORIENTATION
+from .payload import ANTIALIASED, HEADER, MAGIC, ORIENTATION
 from .reader import COLOUR_FACTOR, SCALE_OFFSET, SCALE_STEPS
 
 VERSIONS = (2, 3)
@@ -36,12 +36,13 @@ def write_spz(path: str | Path, scene: GaussianScene, version: int = 3) -> None:
     """
     if version not in VERSIONS:
         raise SplatFormatError(f"Version {version} of .spz can't be written; take 2 or 3.")
+    check_near(scene, ".spz")
     scene = turned(scene, ORIENTATION)
     reach = float(np.abs(scene.means).max(initial=0))
     if reach > LARGEST_POSITION:
         raise SplatFormatError(f"The scan reaches {reach:.3g} from its origin, too far for .spz; write it as .ply.")
     bits = MAX_BITS if reach == 0 else min(MAX_BITS, math.floor(math.log2(LARGEST_POSITION / reach)))
-    header = HEADER.pack(MAGIC, version, len(scene), scene.sh_degree, bits, 0, 0)
+    header = HEADER.pack(MAGIC, version, len(scene), scene.sh_degree, bits, ANTIALIASED * scene.antialiased, 0)
     with atomic_write(path, "wb") as file, gzip.GzipFile(fileobj=file, mode="wb", compresslevel=COMPRESSION, mtime=0) as packed:
         packed.write(header)
         for block in _attributes(scene, version, bits):

@@ -44,7 +44,7 @@ def read_to_end(extension, path, photos):
         try:
             next(steps)
         except StopIteration as end:
-            return end.value
+            return end.value.cameras
 
 
 @pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
@@ -313,3 +313,29 @@ def test_an_export_overwrites_neither_scan_nor_photo(bpy, scene, splat_file, tmp
             with pytest.raises(RuntimeError, match="would overwrite"):
                 export(filepath=str(path))
         assert path.read_bytes() == before
+
+
+def test_a_scan_in_map_coordinates_stands_at_its_own_origin_and_cameras_keep_theirs(bpy, extension, tmp_path):
+    """Blender's floats would round such places to half a metre."""
+    far = (412345.0, 5654321.0, 287.0)
+    ply, scenes = extension("core.splats.ply.reader"), extension("core.splats.scene")
+    rng = np.random.default_rng(0)
+    arrays = [rng.normal(size=(30, 3)), np.full((30, 3), 0.1), np.tile([1.0, 0, 0, 0], (30, 1)), np.full(30, 0.5)]
+    splats = scenes.GaussianScene(*(a.astype(np.float32) for a in arrays), np.zeros((30, 1, 3), np.float32), origin=far)
+    ply.write_ply(tmp_path / "far.ply", splats)
+    bpy.ops.gssmc.import_splats(filepath=str(tmp_path / "far.ply"), orientation="Z_UP")
+    scene = bpy.context.scene
+    engine, files = extension("core.geometry.camera"), extension("core.cameras.files")
+    lens = engine.Intrinsics(60, 90, 80.0, 80.0, 30.0, 45.0)
+    wanted = engine.Camera(lens, engine.Pose.from_centre(np.eye(3), np.add(far, (0.125, 0.25, -3.5))), "a.png")
+    write_photo(tmp_path / "a.png")
+    files.write_cameras(tmp_path / "in.json", [wanted])
+    bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "in.json"))
+    assert max(abs(x) for x in scene.camera.matrix_world.translation) < 10
+    bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"))
+    (got,) = files.read_cameras(tmp_path / "out.json")
+    np.testing.assert_allclose(got.pose.centre, wanted.pose.centre, rtol=0, atol=1e-5)
+    bpy.ops.gssmc.export_splats(filepath=str(tmp_path / "again.ply"), coordinates="OBJECT")
+    again = extension("core.splats").read_splats(tmp_path / "again.ply")
+    places = [s.means.astype(np.float64) + s.origin for s in (again, splats)]
+    np.testing.assert_allclose(*places, rtol=0, atol=1e-5)

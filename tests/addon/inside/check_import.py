@@ -231,5 +231,5 @@ def test_the_dialog_tells_what_the_file_says_from_what_is_usual(extension, tmp_p
 def test_the_dialog_says_why_a_file_cannot_be_imported(extension, tmp_path):
     describe = extension("gssmc_addon.splat.importer").describe
     (tmp_path / "scene.sog").write_bytes(b"PK\x03\x04" + bytes(80))
-    assert "a ZIP archive" in describe(str(tmp_path / "scene.sog"))[0]
+    assert "is no .sog scene" in describe(str(tmp_path / "scene.sog"))[0]
     assert describe(str(tmp_path / "nothing"))[0].startswith("Choose a splat file: .ply")

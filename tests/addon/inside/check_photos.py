@@ -84,6 +84,19 @@ def test_unreadable_photos_are_listed_with_the_reason(bpy, tmp_path):
         bpy.ops.gssmc.add_photos(directory=str(tmp_path), files=[{"name": "good.jpg"}])
 
 
+def test_what_a_folder_holds_beside_photos_is_named(bpy, tmp_path, capfd):
+    for name in ("a.jpg", "b.png"):
+        write_photo(tmp_path / name)
+    for name in ("notes.txt", "clip.mov", "c.cr3", ".hidden"):
+        (tmp_path / name).write_bytes(b"x")
+    assert bpy.ops.gssmc.add_photo_folder(directory=str(tmp_path)) == {"FINISHED"}
+    assert "3 other files are no photos that can be read, and left out: c.cr3, clip.mov, notes.txt." in capfd.readouterr().out
+    write_photo(tmp_path / "d.jpg")
+    assert bpy.ops.gssmc.add_photo_folder(directory=str(tmp_path)) == {"FINISHED"}
+    said = capfd.readouterr().out
+    assert "1 photo added" in said and "2 are on the list already." in said
+
+
 @pytest.mark.parametrize("words", ["no folder", "no photos", "cut"])
 def test_bad_input_changes_nothing(bpy, tmp_path, words):
     folder = tmp_path / "no such folder" if words == "no folder" else tmp_path

@@ -457,7 +457,7 @@ def test_a_plate_is_exported_with_the_file_of_each_keyed_frame(bpy, plate, exten
     at = keyed_by_hand(scene, truths, extension)
     out = tmp_path / ("model" if kind == "COLMAP" else "out.json")
     assert bpy.ops.gssmc.export_cameras(filepath=str(out), format=kind) == {"FINISHED"}
-    found = {start.file: start for start in extension("core.cameras").starts(out)}
+    found = {start.file: start for start in extension("core.cameras").starts(out).placed}
     assert sorted(found) == [f"shot.{FIRST + frame - 1:04d}.png" for frame in (1, 4, 9)]
     for frame in (1, 4, 9):
         start = found[f"shot.{FIRST + frame - 1:04d}.png"]
@@ -474,7 +474,7 @@ def test_a_plate_without_keys_is_exported_as_the_frame_that_shows(bpy, plate, ex
     for name in ("photo_x", "photo_y"):
         scene.camera.data.gssmc.property_unset(name)  # as an older version left it
     assert bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json")) == {"FINISHED"}
-    (start,) = extension("core.cameras").starts(tmp_path / "out.json")
+    (start,) = extension("core.cameras").starts(tmp_path / "out.json").placed
     assert (start.file, start.intrinsics.width) == (f"shot.{FIRST + 2:04d}.png", rooms.WIDTH)
 
 

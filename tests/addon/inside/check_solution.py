@@ -436,3 +436,33 @@ def test_a_refined_camera_is_kept_by_the_whole_way(bpy, extension, listed, now):
     assert now() == MOVED
     assert bpy.ops.gssmc.back_to_solution() == {"FINISHED"}
     assert now() == (verdict, "")
+
+
+def test_a_background_that_was_moved_is_shown_as_it_is_with_its_verdict(bpy, scene, extension):
+    """A photo that is scaled, shifted, flipped or cropped looks misplaced on the splat that it fits."""
+    data, jobs = scene.camera.data, extension("gssmc_addon.refine.job")
+    reports, bridge = extension("core.pose.report"), extension("gssmc_addon.camera.bridge")
+    images = extension("gssmc_addon.photo.image")
+    slot = data.background_images[0]
+
+    def disturb():
+        slot.frame_method, slot.offset, slot.scale, slot.rotation = "CROP", (0.1, 0.2), 1.5, 0.3
+        slot.use_flip_x = slot.use_flip_y = True
+        slot.alpha = 0.9
+
+    def end(verdict):
+        camera = bridge.read_camera(scene, scene.camera, scene.gssmc.splat).at_size(60, 90)
+        report = reports.RefineReport(camera, camera, verdict, ("It sits.",), (), 3.0)
+        targets = jobs.Targets.of(scene, scene.gssmc.splat, scene.camera, images.camera_photo(scene.camera))
+        return jobs.apply_report(targets, report)
+
+    assert "reset" not in end("trusted")
+    disturb()
+    assert "reset" not in end("failed") and not images.is_straight(data), "a camera that was not found stays as it was"
+    assert "The background image had an offset, scale, rotation, flip or crop of its own, which was reset." in end("trusted")
+    assert (slot.frame_method, *slot.offset, slot.scale, slot.rotation) == ("FIT", 0, 0, 1, 0)
+    assert not (slot.use_flip_x or slot.use_flip_y)
+    assert slot.alpha == pytest.approx(0.9), "how strongly it shows is the user's"
+    disturb()
+    data.gssmc.photo = data.gssmc.photo
+    assert images.is_straight(data)

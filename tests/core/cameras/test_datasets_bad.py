@@ -42,7 +42,7 @@ TEXTS = {
     ),
     "cambridge order": ("dataset_test.txt", CAMBRIDGE_TITLE + f"a.png {LINE}\n", "Line 4 of 'dataset_test.txt' cannot be used"),
     "cambridge empty": ("dataset_test.txt", CAMBRIDGE_TITLE, "holds no poses"),
-    "colmap without lines of points": ("images.txt", f"1 {LINE} 1 a.png\n2 {LINE} 1 b.png\n", "give two lines to each image"),
+    "colmap with half a point": ("images.txt", f"1 {LINE} 1 a.png\n5 6\n2 {LINE} 1 b.png\n\n", "give two lines to each image"),
     "colmap cut off": ("images.txt", f"1 {LINE} 1 a.png\n\n2 0.5 -0.5", "Line 3 of 'images.txt' has 3 columns"),
     "colmap twice": ("images.txt", f"1 {LINE} 1 a.png\n\n2 {LINE} 1 a.png\n\n", "more than once"),
     "no json": ("c.json", "{", "is no valid JSON"),

@@ -59,7 +59,7 @@ def test_and_back_out_of_it(tmp_path, capsys, world):
 def test_every_layout_holds_the_same_poses(tmp_path, capsys, out):
     write_cameras(tmp_path / "a.json", CAMERAS)
     assert run(capsys, tmp_path / "a.json", tmp_path / out) == (0, "")
-    for before, after in zip(CAMERAS, starts(tmp_path / out), strict=True):
+    for before, after in zip(CAMERAS, starts(tmp_path / out).placed, strict=True):
         np.testing.assert_allclose(after.pose.R, before.pose.R, atol=1e-9)
         np.testing.assert_allclose(after.pose.t, before.pose.t, atol=1e-9)
         assert after.file == before.file and after.intrinsics in (None if out == "c.txt" else before.intrinsics, LENS)

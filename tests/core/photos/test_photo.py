@@ -171,6 +171,22 @@ def test_focal_length_from_the_sensor(put):
     assert read_photo(put(encoded(".png", exif=exif_block(lens=lens)))).focal_35mm == pytest.approx(50, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("size", "wanted"),
+    [
+        ((5184, 3456), 26.8),
+        ((1280, 720), None),  # fewer pixels than any such sensor has
+        ((540, 360), None),  # a sensor of 2 mm
+        ((60_000, 40_000), None),  # one of 26 cm
+    ],
+)
+def test_the_resolution_of_a_photo_that_was_resized_is_not_believed(put, size, wanted):
+    """Canon's cameras tell pixels per inch of their sensor, and programs that resize leave that as it is."""
+    block = exif_block(lens=(16.662, 5184 / (22.5 / 25.4), 2, *size))
+    got = read_photo(put(encoded(".png", exif=block))).focal_35mm
+    assert got == (None if wanted is None else pytest.approx(wanted, abs=0.2))
+
+
 @pytest.mark.parametrize("cut", [3, 9, 15, 30])
 def test_damaged_exif_does_not_cost_the_photo(put, cut):
     photo = read_photo(put(encoded(".png", exif=exif_block(orientation=6, focal_35mm=28)[:cut])))

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,13 @@ def test_views_are_those_of_one_process_to_the_bit(scene, started):
     assert all(same(view, alone.render(CAMERA, pose)) for view, pose in zip(found, wanted, strict=True))
     assert found[0].alpha.max() > 0.5
     assert not same(found[0], found[1])
+
+
+def test_the_processes_draw_an_antialiased_scan_as_one(scene):
+    soft = replace(scene, antialiased=True)
+    with ProcessRenderer(soft, SETTINGS, Starter()) as renderer:
+        wait_for(ready(renderer, 2))
+        assert same(renderer.render(CAMERA, Pose()), Renderer(soft, RenderSettings(threads=1)).render(CAMERA, Pose()))
 
 
 @pytest.mark.parametrize("deaths", [1, 2])

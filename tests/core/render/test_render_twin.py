@@ -28,6 +28,25 @@ def test_random_scene_matches_twin(coefficients: int) -> None:
     assert_same_view(Renderer(scene).render(CAMERA, pose), render_reference(scene, CAMERA, pose))
 
 
+@pytest.mark.parametrize("size", [0.02, 0.3, 3.0])
+def test_an_antialiased_scan_matches_twin(size: float) -> None:
+    """Its small splats give less light than others' do, the same as large ones of which a pixel sees a part."""
+    scene = replace(make_scene(MEANS, SCALES * size), antialiased=True)
+    fast, slow = Renderer(scene).render(CAMERA, Pose()), render_reference(scene, CAMERA, Pose())
+    assert_same_view(fast, slow)
+    plain = Renderer(replace(scene, antialiased=False)).render(CAMERA, Pose())
+    assert plain.alpha.sum() > (1.3 if size < 0.1 else 1.0) * fast.alpha.sum()
+
+
+def test_a_small_antialiased_splat_gives_the_light_that_it_has() -> None:
+    """Over all pixels, the alpha of a Gaussian of opacity o and variances a, b (pixels^2) sums to 2 pi o sqrt(a b)."""
+    k = Intrinsics(41, 41, 40.0, 40.0, 20.5, 20.5)
+    scene = make_scene([0.0, 0.0, 4.0], 0.05, opacity=0.9)
+    light = [Renderer(replace(scene, antialiased=is_so)).render(k, Pose()).alpha.sum() for is_so in (True, False)]
+    assert light[0] == pytest.approx(2 * np.pi * 0.9 * 0.5**2, rel=0.03)
+    assert light[1] == pytest.approx(2 * np.pi * 0.9 * (0.5**2 + 0.3), rel=0.03)
+
+
 def deep() -> GaussianScene:
     rng = np.random.default_rng(3)
     depth = 10 ** rng.uniform(-0.5, 5.5, (200, 1))
@@ -36,6 +55,16 @@ def deep() -> GaussianScene:
 
 SCENES: dict[str, Callable[[], tuple[GaussianScene, Intrinsics, Pose]]] = {
     "camera inside": lambda: (make_scene(np.subtract(MEANS, (0, 0, 4)), SCALES), CAMERA, Pose()),
+    "flat Gaussians, and points": lambda: (
+        make_scene(MEANS, SCALES * np.array([1.0, 0.0, 1.0]) * (MEANS[:, :1] > 0)),
+        CAMERA,
+        Pose(),
+    ),
+    "opaque and invisible": lambda: (
+        replace(make_scene(MEANS, SCALES), opacities=(MEANS[:, 0] > 0).astype(np.float32)),
+        CAMERA,
+        Pose(),
+    ),
     "camera on a Gaussian": lambda: (make_scene(np.vstack([MEANS, np.zeros(3)]), 0.3), CAMERA, Pose()),
     "tiny focal length": lambda: (make_scene(MEANS, SCALES), replace(CAMERA, fx=0.5, fy=0.5), Pose()),
     "huge focal length": lambda: (

@@ -1,7 +1,10 @@
 """The packed splat formats read right: hand-made bytes against values computed one by one with the math module."""
 
+import gzip
 import math
 import struct
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +23,8 @@ from splat_files import (
 
 from core.errors import Cancelled, SplatFormatError
 from core.splats import FORMATS, check_splat_file, inspect_splats, read_splats
+from core.splats.ply.reader import write_ply_axes_kept
+from core.splats.spz.write import write_spz
 
 
 @pytest.fixture
@@ -258,6 +263,8 @@ SAMPLES = {
     "compressed ply": random_chunk_ply(3)[0],
     "splat": splat_bytes(splat_records(3)),
     "spz": spz_bytes(spz_rows(3, 0), 3, 0),
+    "glTF": (Path(__file__).parents[2] / "data" / "by_splat_transform.glb").read_bytes(),
+    "sog": (Path(__file__).parents[2] / "data" / "by_splat_transform.sog").read_bytes(),
 }
 
 
@@ -277,3 +284,38 @@ def test_every_reader_can_be_stopped(put, name):
 
     with pytest.raises(Cancelled):
         read_splats(put(SAMPLES[name]), stop)
+
+
+@pytest.mark.parametrize(
+    ("comment", "axes", "soft"),
+    [
+        ("Vertical Axis: z", "Z_UP", False),
+        ("Vertical Axis: y", "Y_UP", False),
+        ("SplatRenderMode: mip", "Y_DOWN", True),
+        ("SplatRenderMode: default", "Y_DOWN", False),
+        ("antialiased 1", "Y_DOWN", True),
+        ("antialiased 0", "Y_DOWN", False),
+        ("Vertical Axis: z and more", "Y_DOWN", False),
+    ],
+)
+def test_what_a_ply_says_of_axes_and_drawing_counts(put, comment, axes, soft):
+    """nerfstudio, Brush and Postshot write these comments."""
+    data = ply_bytes(raw_table(5, 1)).replace(b"comment made for a test", f"comment {comment}".encode())
+    path = put(data)
+    scene, info = read_splats(path), inspect_splats(path)
+    assert (scene.orientation, scene.antialiased) == (axes, soft)
+    assert (info.orientation, info.declared) == (axes, axes != "Y_DOWN")
+    write_ply_axes_kept(path, scene)
+    again = read_splats(path)
+    assert (again.orientation == "Z_UP", again.antialiased) == (axes == "Z_UP", soft)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_the_antialiased_bit_of_spz_counts(put, tmp_path, version):
+    scene = read_splats(put(ply_bytes(raw_table(5, 1))))
+    for soft in (True, False):
+        write_spz(tmp_path / "a.spz", replace(scene, antialiased=soft), version)
+        assert read_splats(tmp_path / "a.spz").antialiased == soft
+    data = bytearray(gzip.decompress((tmp_path / "a.spz").read_bytes()))
+    data[14] |= 1  # the flags, as Niantic's page on the format has them
+    assert read_splats(put(gzip.compress(bytes(data)))).antialiased

@@ -72,7 +72,7 @@ CASES = {
     "2DGS without opacity": (ply_bytes({n: v for n, v in FLAT.items() if n != "rot_1"}), "lacks the properties rot_1"),
     "2DGS cut": (ply_bytes(FLAT)[:-9], "holds 2 of the 3 Gaussians"),
     "Mip-Splatting without scales": (ply_bytes(FLAT | {"filter_3D": FLAT["x"]}), "lacks the properties scale_2"),
-    "zip": (b"PK\x03\x04" + bytes(60), "a ZIP archive (perhaps a .sog scene)"),
+    "zip": (b"PK\x03\x04" + bytes(60), "is no .sog scene, or is cut off or damaged"),
     "text": (b"hello\nworld\n" * 9, "is a text, not"),
     "json": (b'{"a": 1}' + b" " * 90, "a JSON, XML or HTML text"),
 }

@@ -109,9 +109,19 @@ def test_progress_may_stop_the_reading(put):
 
 
 @pytest.mark.parametrize("form", ["binary_little_endian", "ascii"])
+def test_opaque_invisible_and_flat_gaussians_stay(put, form):
+    """The logit of 1 and of 0 is infinite, and so is the logarithm of a flat Gaussian's third scale."""
+    table = raw_table(6, 1)
+    table["opacity"][[0, 1]], table["scale_2"][[1, 4]] = (math.inf, -math.inf), -math.inf
+    scene = read_splats(put(ply_bytes(table, form)))
+    assert (len(scene), scene.dropped) == (6, 0)
+    assert (scene.opacities[:2].tolist(), scene.scales[[1, 4], 2].tolist()) == ([1, 0], [0, 0])
+
+
+@pytest.mark.parametrize("form", ["binary_little_endian", "ascii"])
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("x", math.nan), ("opacity", math.inf), ("f_rest_4", -math.inf), ("scale_1", math.inf), ("scale_0", 1e4)],
+    [("x", math.nan), ("opacity", math.nan), ("f_rest_4", -math.inf), ("scale_1", math.inf), ("scale_0", 1e4)],
 )
 def test_gaussians_that_are_not_finite_are_dropped_and_counted(put, form, name, value):
     table = raw_table(6, 1)

@@ -108,3 +108,44 @@ def tiff(image, orientation=1, alpha=False):
         else:
             body += struct.pack("<HH", value, 0) if kind == SHORT else struct.pack("<I", value)
     return b"II*\0" + struct.pack("<I", 8) + body + struct.pack("<I", 0) + tail + data
+
+
+class TiffFile:
+    """A TIFF put together directory by directory, little-endian; `data` is the file so far."""
+
+    def __init__(self):
+        self.data = bytearray(b"II*\0" + bytes(4))
+
+    def put(self, raw):
+        """Bytes that directories point at; where they lie."""
+        at = len(self.data)
+        self.data += raw
+        return at
+
+    def directory(self, tags):
+        """A directory of {tag: (type, values)}; where it lies. The first one is the file's; the chain ends with each."""
+        tail_at = len(self.data) + 2 + 12 * len(tags) + 4
+        body, tail = struct.pack("<H", len(tags)), b""
+        for tag, (kind, values) in sorted(tags.items()):
+            raw = struct.pack(f"<{len(values)}{'H' if kind == SHORT else 'I'}", *values)
+            body += struct.pack("<HHI", tag, kind, len(values))
+            body += raw.ljust(4, b"\0") if len(raw) <= 4 else struct.pack("<I", tail_at + len(tail))
+            tail += b"" if len(raw) <= 4 else raw
+        at = self.put(body + bytes(4) + tail)
+        if not any(self.data[4:8]):
+            self.data[4:8] = struct.pack("<I", at)
+        return at
+
+    def follow(self, directory, by):
+        """Chains one directory to the next."""
+        (count,) = struct.unpack("<H", self.data[directory : directory + 2])
+        place = directory + 2 + 12 * count
+        self.data[place : place + 4] = struct.pack("<I", by)
+
+    def strip(self, image, **more):
+        """The tags of an uncompressed picture (H, W, C) whose values are put into the file; `more`: tag number to one value."""
+        height, width, channels = image.shape
+        at = self.put(np.ascontiguousarray(image).tobytes())
+        tags = {256: width, 257: height, 259: 1, 262: 2 if channels == 3 else 1, 273: at, 277: channels, 278: height}
+        tags |= {279: image.nbytes} | {int(tag[1:]): value for tag, value in more.items()}
+        return {tag: (LONG, (value,)) for tag, value in tags.items()} | {258: (SHORT, (8 * image.dtype.itemsize,) * channels)}

@@ -1,0 +1,227 @@
+"""glTF 2.0 with KHR_gaussian_splatting, as .glb or .gltf: points whose attributes are the values of Gaussians, activated.
+
+POSITION, and with the extension's name before them ROTATION (x y z w), SCALE (linear), OPACITY (0..1) and SH_DEGREE_l_COEF_n,
+of which degree 0 is f_dc. Numbers may be normalised integers. What several primitives hold is put together, each moved as its
+node says. Axes: y up, as all of glTF.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import CameraError, SplatFormatError
+from ..geometry.camera import FloatArray
+from ..geometry.conventions import Orientation, Similarity
+from ..geometry.quaternion import rotations_of
+from .activate import SceneBuilder
+from .format import Progress, SplatFormat, SplatInfo
+from .scene import SH_COEFFICIENTS, Float32Array, GaussianScene
+from .transform import transformed
+
+NAME = "glTF"
+ORIENTATION: Orientation = "Y_UP"
+EXTENSION = "KHR_gaussian_splatting"
+MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
+KINDS = {5120: ("<i1", 127), 5121: ("<u1", 255), 5122: ("<i2", 32767), 5123: ("<u2", 65535), 5126: ("<f4", 1)}
+COMPONENTS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+MAX_DEGREE, MAX_DEPTH = 3, 64
+FAULTS = (KeyError, IndexError, TypeError, ValueError, OverflowError, AttributeError, RecursionError, struct.error, CameraError)
+
+
+def detect(header: bytes) -> bool:
+    """Whether these first bytes are of a .glb, or of a .gltf that names the extension near its beginning."""
+    return header.startswith(MAGIC) or (header.lstrip()[:1] == b"{" and EXTENSION.encode() in header)
+
+
+def inspect(path: str | Path) -> SplatInfo:
+    """What the file says, without its numbers. Raises SplatFormatError."""
+    model = _Model(Path(path))
+    parts = list(model.parts())
+    return SplatInfo(NAME, sum(part.count for part in parts), max(part.degree for part in parts), ORIENTATION)
+
+
+def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
+    """The scene in the file. `progress` is called with a fraction 0..1 and may raise to stop the reading.
+
+    Raises SplatFormatError, and OSError from the file system.
+    """
+    model = _Model(Path(path))
+    parts = list(model.parts())
+    degree = max(part.degree for part in parts)
+    builder = SceneBuilder(sum(part.count for part in parts), SH_COEFFICIENTS[degree])
+    for number, part in enumerate(parts, 1):
+        scene = part.scene(degree)
+        builder.add_activated(scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh)
+        if progress is not None:
+            progress(number / len(parts))
+    return builder.scene(NAME, ORIENTATION)
+
+
+class _Model:
+    """A glTF file: its JSON, and its buffers as they are asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self._folder = path.parent
+        data = path.read_bytes()
+        self._binary = b""
+        try:
+            self.json = json.loads(self._chunks(data) if data.startswith(MAGIC) else data)
+            if not isinstance(self.json, dict):
+                raise ValueError
+        except FAULTS:
+            raise SplatFormatError("The glTF file is cut off or damaged; copy or export it again.") from None
+
+    def _chunks(self, data: bytes) -> bytes:
+        """The JSON chunk of a .glb; the binary one is kept."""
+        version, length = struct.unpack_from("<II", data, 4)
+        if version != 2 or length > len(data):
+            raise ValueError
+        at, text = 12, b""
+        while at + 8 <= length:
+            size, kind = struct.unpack_from("<II", data, at)
+            chunk = data[at + 8 : at + 8 + size]
+            text, self._binary = (chunk, self._binary) if kind == JSON_CHUNK else (text, self._binary or chunk)
+            at += 8 + size
+        return text
+
+    def parts(self) -> Iterator[_Primitive]:
+        """The primitives that hold Gaussians. Raises SplatFormatError where there is none, or one that is not understood."""
+        found = False
+        try:
+            meshes = self.json.get("meshes", [])
+            for mesh, matrix in self._placed(len(meshes)):
+                for primitive in meshes[mesh]["primitives"]:
+                    extension = primitive.get("extensions", {}).get(EXTENSION)
+                    if extension is None:
+                        continue
+                    if extension.get("extensions"):
+                        name = next(iter(extension["extensions"]))
+                        raise SplatFormatError(
+                            f"The Gaussians of the glTF file are compressed ({name:.60}); export it without."
+                        )
+                    yield _Primitive(self, primitive["attributes"], matrix)
+                    found = True
+        except FAULTS:
+            raise _damaged() from None
+        if not found:
+            raise SplatFormatError(f"The glTF file holds no Gaussian splats ({EXTENSION}); choose a splat file.")
+
+    def _placed(self, meshes: int) -> Iterator[tuple[int, FloatArray]]:
+        """(mesh, matrix) of each node with a mesh; of a file without nodes, all meshes as they are."""
+        nodes = self.json.get("nodes", [])
+        children = {child for node in nodes for child in node.get("children", [])}
+        if not nodes:
+            yield from ((mesh, np.eye(4)) for mesh in range(meshes))
+        for root in (number for number in range(len(nodes)) if number not in children):
+            yield from self._below(nodes, root, np.eye(4), 0)
+
+    def _below(self, nodes: list[Any], number: int, above: FloatArray, depth: int) -> Iterator[tuple[int, FloatArray]]:
+        node = nodes[number]
+        matrix = above @ _matrix(node)
+        if depth > MAX_DEPTH:
+            raise ValueError
+        if "mesh" in node:
+            yield int(node["mesh"]), matrix
+        for child in node.get("children", []):
+            yield from self._below(nodes, child, matrix, depth + 1)
+
+    def values(self, accessor: int, kind: str) -> Float32Array:
+        """The numbers of an accessor (n, components)."""
+        raw, most = self.stored(accessor, kind)
+        return raw.astype(np.float32) if most == 1 else np.maximum(raw.astype(np.float32) / most, -1)
+
+    def stored(self, accessor: int, kind: str) -> tuple[NDArray[Any], int]:
+        """The numbers (n, components) as they lie in the file, and what to divide them by. Raises ValueError and the like where
+        the file does not hold as many.
+        """
+        one = self.json["accessors"][accessor]
+        view = self.json["bufferViews"][one["bufferView"]]
+        code, most = KINDS[one["componentType"]]
+        if one["type"] != kind or one.get("sparse"):
+            raise ValueError
+        dtype, width, count = np.dtype(code), COMPONENTS[kind], int(one["count"])
+        row = dtype.itemsize * width
+        stride = int(view.get("byteStride", 0)) or row
+        start = int(view.get("byteOffset", 0)) + int(one.get("byteOffset", 0))
+        data = self._buffer(view["buffer"])
+        if (
+            min(start, count) < 0
+            or stride < dtype.itemsize * width
+            or start + stride * (count - 1) + dtype.itemsize * width > len(data)
+        ):
+            raise ValueError
+        raw: NDArray[Any] = np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
+        return raw, most if one.get("normalized") else 1
+
+    def _buffer(self, number: int) -> bytes:
+        uri: str | None = self.json["buffers"][number].get("uri")
+        if uri is None:
+            return self._binary
+        if uri.startswith("data:"):
+            try:
+                return base64.b64decode(uri.partition(",")[2])
+            except binascii.Error:
+                raise ValueError from None
+        if "/" in uri or "\\" in uri:
+            raise SplatFormatError("The glTF file keeps its numbers in another folder; export it as .glb.")
+        return (self._folder / uri).read_bytes()
+
+
+class _Primitive:
+    """One primitive: its attributes' accessors, and where its node puts it."""
+
+    def __init__(self, model: _Model, attributes: Mapping[str, int], matrix: FloatArray) -> None:
+        self._model, self._attributes = model, attributes
+        self._move = Similarity.from_matrix(matrix)
+        self._moved = not np.allclose(matrix, np.eye(4), atol=1e-7)
+        self.count = len(model.stored(attributes["POSITION"], "VEC3")[0])
+        names = (f"{EXTENSION}:SH_DEGREE_{degree}_COEF_0" for degree in range(1, MAX_DEGREE + 1))
+        self.degree = sum(name in attributes for name in names)
+
+    def scene(self, degree: int) -> GaussianScene:
+        """Its Gaussians, with as many SH coefficients as `degree` has. Raises SplatFormatError."""
+        try:
+            means = self._model.values(self._attributes["POSITION"], "VEC3")
+            rotations = self._own("ROTATION", "VEC4")[:, [3, 0, 1, 2]]
+            scales, opacities = self._own("SCALE", "VEC3"), self._own("OPACITY", "SCALAR")[:, 0]
+            sh = np.zeros((self.count, SH_COEFFICIENTS[degree], 3), np.float32)
+            for band in range(self.degree + 1):
+                for n in range(2 * band + 1):
+                    sh[:, band * band + n] = self._own(f"SH_DEGREE_{band}_COEF_{n}", "VEC3")
+            arrays = (means, scales, np.ascontiguousarray(rotations), np.ascontiguousarray(opacities), sh)
+        except FAULTS:
+            raise _damaged() from None
+        scene = GaussianScene(*arrays, orientation=ORIENTATION)
+        return transformed(scene, self._move, ORIENTATION) if self._moved else scene
+
+    def _own(self, name: str, kind: str) -> Float32Array:
+        return self._model.values(self._attributes[f"{EXTENSION}:{name}"], kind)
+
+
+def _matrix(node: Mapping[str, Any]) -> FloatArray:
+    """A node's own matrix (4, 4), given as such, column by column, or as translation, rotation (x y z w) and scale."""
+    if "matrix" in node:
+        return np.asarray(node["matrix"], np.float64).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    matrix[:3, :3] = rotations_of(np.array([w, x, y, z], np.float64)) * np.asarray(
+        node.get("scale", (1.0, 1.0, 1.0)), np.float64
+    )
+    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return matrix
+
+
+def _damaged() -> SplatFormatError:
+    return SplatFormatError("The glTF file's Gaussians are damaged, or are stored in a way that is not known; export it again.")
+
+
+FORMAT = SplatFormat(NAME, ".glb", ORIENTATION, detect, inspect, read)

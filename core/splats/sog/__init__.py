@@ -1,0 +1,1 @@
+"""SOG, PlayCanvas' spatially ordered Gaussians: versions 1 and 2, in one archive or as files in a folder."""

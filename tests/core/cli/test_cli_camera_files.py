@@ -1,0 +1,63 @@
+"""Every command that takes cameras takes them in any layout, and says what of them is left out."""
+
+import json
+from argparse import Namespace
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from core.batch.queries import find_queries
+from core.cameras import colmap, nerfstudio
+from core.cli.commands.refine import pick_wanted
+from core.cli.commands.render import _cameras
+from core.errors import CameraError
+from core.geometry.camera import Camera, Intrinsics, Pose, pose_error
+
+LENS = Intrinsics(64, 48, 60, 61, 30, 25, (0.05, -0.01, 0.001, 0.002, 0))
+CAMERAS = [Camera(LENS, Pose(np.eye(3), np.array([0.1 * i, 0, 2])), f"{i}.png") for i in range(3)]
+
+
+@pytest.fixture(params=["colmap", "transforms.json"])
+def project(request, tmp_path):
+    """A project folder: cameras in one of the layouts, and the photos in images/."""
+    (tmp_path / "images").mkdir()
+    for camera in CAMERAS:
+        cv2.imwrite(str(tmp_path / "images" / camera.file), np.zeros((48, 64, 3), np.uint8))
+    if request.param == "colmap":
+        (tmp_path / "sparse" / "0").mkdir(parents=True)
+        colmap.write_model(tmp_path / "sparse" / "0", CAMERAS)
+        return tmp_path
+    nerfstudio.write_transforms(tmp_path / "transforms.json", CAMERAS)
+    return tmp_path / "transforms.json"
+
+
+def test_a_single_photo_finds_its_camera(project):
+    start = pick_wanted(project, Path("elsewhere/1.png"))
+    assert start.intrinsics == LENS and pose_error(start.pose, CAMERAS[1].pose)[0] < 1e-12
+    assert start.pixel_order == "stored"
+
+
+def test_render_takes_them(project):
+    assert [camera.file for camera in _cameras(project)] == ["0.png", "1.png", "2.png"]
+
+
+def test_batch_takes_them_and_finds_the_photos(project):
+    args = Namespace(queries=project, start=None, focal=None, locate=False, poses=None)
+    found = find_queries(args)
+    folder = project if project.is_dir() else project.parent
+    assert [photo.resolve() for photo in found.photos] == [folder.resolve() / "images" / camera.file for camera in CAMERAS]
+    assert [replace(camera, pixel_order="upright").intrinsics for camera in found.cameras] == [LENS] * 3
+    assert not found.notes
+
+
+def test_what_is_left_out_is_said(tmp_path, capsys):
+    frame = {"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}
+    file = tmp_path / "transforms.json"
+    file.write_text(json.dumps({"camera_model": "OPENCV_FISHEYE", "w": 64, "h": 48, "fl_x": 20, "frames": [frame]}))
+    assert pick_wanted(file, Path("a.png")).tells_no_lens
+    assert "sees more than 120 degrees and is left out" in capsys.readouterr().err
+    with pytest.raises(CameraError, match=r"Camera 1 of 'transforms.json' has no lens of a known size"):
+        _cameras(file)
