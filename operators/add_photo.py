@@ -32,8 +32,8 @@ class AddsPicture(PlainOperator, FromFile):
         "camera_file": StringProperty(
             name="Camera File",
             subtype="FILE_PATH",
-            description="Optional file of cameras (JSON, COLMAP, nerfstudio, Metashape and others); the one that names the chosen "
-            "file gives lens, distortion and start pose",
+            description="Optional file of cameras (JSON, COLMAP, nerfstudio, Metashape and others); the one that names the "
+            "chosen file gives lens, distortion and start pose",
         ),
     }
 

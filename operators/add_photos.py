@@ -27,8 +27,8 @@ class AddsPhotos(JobFromFile):
         "camera_file": StringProperty(
             name="Camera File",
             subtype="FILE_PATH",
-            description="Optional file of cameras (JSON, COLMAP, nerfstudio, Metashape and others); those that name a photo give it "
-            "lens, distortion and start pose",
+            description="Optional file of cameras (JSON, COLMAP, nerfstudio, Metashape and others); those that name a photo "
+            "give it lens, distortion and start pose",
         ),
     }
 
