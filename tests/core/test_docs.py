@@ -1,5 +1,6 @@
 """The documents: every link leads somewhere, the map names every folder, and no comment points outside the repository."""
 
+import ast
 import re
 import subprocess
 from pathlib import Path
@@ -69,3 +70,20 @@ def test_no_registry_and_no_machine_is_named():
     names = [n for n in listed.stdout.split("\0") if n.endswith((".lock", ".in", ".yml", ".yaml", ".sh", ".toml", ".py"))]
     hosts = re.compile("|".join(("pypi" + r"\.org", "python" + "hosted", "--" + "index-url", "--extra-" + "index-url")))
     assert [n for n in names if (REPO / n).is_file() and hosts.search((REPO / n).read_text(encoding="utf-8"))] == []
+
+
+def test_quoted_sentences_are_those_of_the_code():
+    """Each sentence between backticks of a table, with ... for its values, must stand in some module."""
+    sources = "\n".join(strings(path) for path in SOURCES)
+    page = (REPO / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    quoted = re.findall(r"^\| `(.+?)` \|", page, re.MULTILINE)
+    assert len(quoted) > 25
+    # the code puts sentences together from such pieces, and their full stop may stand elsewhere
+    pieces = [piece.strip().rstrip(".") for sentence in quoted for piece in re.split(r"\.\.\.|; |\) ", sentence)]
+    assert [piece for piece in pieces if len(piece) > 12 and piece not in sources] == []
+
+
+def strings(path):
+    """All text of a module, values of f-strings left out."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return "\n".join(n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str))

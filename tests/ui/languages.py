@@ -20,6 +20,10 @@ GERMAN = {
     ("*", "Photo Camera"): "Fotokamera",
     ("*", "Move Camera With View"): "Kamera folgt der Ansicht",
     ("*", HINT): "Kamera suchen findet sie im Scan; Kamera bestimmen beginnt, wo sie steht.",
+    (
+        "*",
+        'The camera "{name}" is {kind}; set its type to Perspective.',
+    ): 'Die Kamera "{name}" ist {kind}, nicht perspektivisch.',
     ("*", NO_SPLAT): "Es ist kein Splat gewählt; importiere einen mit Datei > Importieren > Gaussian Splats.",
     ("*", '"{photo}" ({x} x {y}) is set behind "{camera}".'): 'Hinter "{camera}" steht jetzt "{photo}", {x} mal {y}.',
 }
@@ -43,13 +47,21 @@ def steps():
         in_view(bpy.ops.gssmc.refine)
         raise AssertionError("without a splat nothing can be refined")
     except RuntimeError as error:
-        assert "kein Splat gewählt" in str(error), error
-    assert "kein Splat gewählt" in bpy.context.window_manager.gssmc.message
+        assert "kein Splat gewählt" in str(error), error  # why the button is grey
 
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     in_view(bpy.ops.gssmc.import_splats, filepath=HERE + "/scene.ply", show_colours=False)
     bpy.context.scene.gssmc.splat.gssmc.show_as = "BOX"  # without a graphics card, drawing splats delays everything
     in_view(bpy.ops.gssmc.add_photo, filepath=HERE + "/photo.jpg", camera="NEW")
+    data = bpy.context.scene.camera.data
+    data.type = "ORTHO"
+    try:
+        in_view(bpy.ops.gssmc.refine)
+        raise AssertionError("through an orthographic camera nothing can be refined")
+    except RuntimeError as error:
+        assert "ist ortho" in str(error), error
+    assert "ist ortho" in bpy.context.window_manager.gssmc.message, "the panel's line"
+    data.type = "PERSP"
     view3d()[3].show_region_ui = True
     yield 2.0
     sidebar("GS-SMC")
