@@ -118,5 +118,6 @@ def _record(report: RefineReport) -> dict[str, Any]:
         record[sentences] = [without_names(sentence) for sentence in record[sentences]]
     if record["quality"]:
         record["quality"] = {name: value for name, value in record["quality"].items() if name != "pose"}
+    record["lens"] = [f"{name} {number['state']}" for name, number in whole["lens"].items()]
     record["iterations"] = [{name: step[name] for name in TOLD_OF_ITERATION if name in step} for step in whole["iterations"]]
     return record
