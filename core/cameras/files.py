@@ -164,7 +164,7 @@ def _check_keys(data: Any, keys: tuple[str, ...], name: str) -> None:
         raise CameraError(f"{name} is not a JSON object; give one with width, height, fx, fy, cx, cy, R and t.")
     missing = [key for key in keys if key not in data]
     if missing:
-        raise CameraError(f"{name} lacks {', '.join(missing)}; give width, height, fx, fy, cx, cy, R and t.")
+        raise CameraError(f"{name} lacks {', '.join(missing)}; a pose is R and t, a lens width, height, fx, fy, cx and cy.")
 
 
 def _pixel_order(data: dict[str, Any], name: str) -> PixelOrder:

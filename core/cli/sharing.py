@@ -11,6 +11,8 @@ from ..pose.shared_records import share_records
 from ..support.words import counted
 from .console import message, say
 
+# So many photos are named in one line.
+MAX_NAMED = 10
 SHARED_LENS_HELP = (
     "which photos share their lens, of those that solved it: auto: those of the same camera, lens, focal length and size by "
     "their EXIF, one: all of one size, off: none (auto)"
@@ -23,9 +25,10 @@ def share_lenses(sharing: str, queries: Sequence[BatchQuery], store: ResultStore
     """
     groups = lens_groups(sharing, queries, store.records)
     if sharing == "one" and len(groups) > 1:
-        message(
-            f"The photos have {len(groups)} sizes, and those of each size share a lens: {', '.join(g.name for g in groups)}."
-        )
+        sizes = ", ".join(f"{g.name} ({counted(len(g.members), 'photo')})" for g in groups)
+        message(f"The photos have {len(groups)} sizes, and only photos of one size can share a lens: {sizes}.")
+    if sharing == "auto" and not groups and len(lens_groups("one", queries, store.records)):
+        message("No lens is shared, because no photo's EXIF tells its camera; if one camera took them, use --shared-lens one.")
     for group in groups:
         name, members = group.name, group.members
         if len(members) < 2:
@@ -38,6 +41,6 @@ def share_lenses(sharing: str, queries: Sequence[BatchQuery], store: ResultStore
             store.share(members[place], record)
         of = f" of {name}" if len(groups) > 1 else ""
         say(f"One lens for {counted(shared.count, 'photo')}{of}: {shared.focal}")
-        if left := len(members) - shared.count:
-            words = "photo keeps its" if left == 1 else "photos keep their"
-            message(f"{left} {words} own lens, which is another one.")
+        if left := [queries[members[place]].photo.name for place in shared.left]:
+            more = f" and {len(left) - MAX_NAMED} more" if len(left) > MAX_NAMED else ""
+            message(f"With a lens of their own, which is another one: {', '.join(left[:MAX_NAMED])}{more}.")

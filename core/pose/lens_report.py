@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import isfinite, log10
 
 from ..geometry.camera import FloatArray, Intrinsics
 from ..geometry.conventions import focal_px_from_35mm
@@ -11,7 +11,7 @@ from .final.solution import FittedCamera
 from .report import LENS_NUMBERS, LensEvidence, LensNumber, LensState
 from .shared.lens import MODES
 
-# A number was solved for where the matches brought its deviation below this share of the prior's; else it stayed at its guess.
+# A number was solved for where the matches brought its deviation below this share of the prior's; else it is near its guess.
 SOLVED_SHARE = 0.5
 GROUPS = {
     "the principal point": ("cx", "cy"),
@@ -58,14 +58,30 @@ def lens_sentence(numbers: Sequence[LensNumber], photo: Intrinsics) -> str:
     solved = {number.name for number in numbers if number.state == "solved"}
     if not solved:
         return ""
-    focal = numbers[0]
+    how = "solved for" if "focal" in solved else numbers[0].state
+    others = [title for title, names in GROUPS.items() if solved.issuperset(names)]
+    more = f"; {', '.join(others)} solved for" if others else ""
+    return f"Focal length {focal_words(numbers[0], photo)}, {how}{more}."
+
+
+def focal_words(focal: LensNumber, photo: Intrinsics) -> str:
+    """A focal length with its deviation, to that one's first digit."""
     px_per_mm = focal_px_from_35mm(1.0, photo.width, photo.height)
     mm, std = focal.value / px_per_mm, focal.std / px_per_mm
-    sure = f" +- {std:.1g} mm" if isfinite(std) else ""
-    how = "solved for" if focal.state == "solved" else focal.state
-    others = [title for title, names in GROUPS.items() if solved.intersection(names)]
-    more = f"; {', '.join(others)} solved for" if others else ""
-    return f"Focal length {mm:.3g} mm{sure} (35 mm equivalent), {how}{more}."
+    sure = isfinite(std) and std > 0
+    digits = min(max(-int(log10(std) // 1), 1), 4) if sure else 1
+    return f"{mm:.{digits}f} mm{f' +- {std:.1g} mm' if sure else ''} (35 mm equivalent)"
+
+
+def crop_sentence(solution: FittedCamera, focal_35mm: float, photo: Intrinsics) -> str:
+    """What it means that EXIF's focal length (`focal_35mm`, mm) was given up: the photo is not as it was taken."""
+    found = solution.camera.intrinsics.resized(photo.width, photo.height).focal / focal_px_from_35mm(
+        1.0, photo.width, photo.height
+    )
+    return (
+        f"The photo seems to be cropped, or zoomed since it was taken: its EXIF says {focal_35mm:.3g} mm, the matches "
+        f"{found:.3g} mm; use the photo as the camera wrote it, if there is one."
+    )
 
 
 def _photo_units(std: FloatArray, k: Intrinsics) -> FloatArray:

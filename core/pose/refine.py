@@ -18,7 +18,7 @@ from ..support.steps import converted, run_to_end
 from ..support.words import counted
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
-from .lens_report import lens_evidence, lens_numbers, lens_sentence
+from .lens_report import crop_sentence, lens_evidence, lens_numbers, lens_sentence
 from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
 from .search.observe import PhotoFeatures, extract_photo_features
@@ -262,6 +262,12 @@ class _Refinement:
             return _Judgement("check", (sentences.start_kept(kept, quality),), (*sentences.details(kept), *rejected), kept)
         return _Judgement(verdict, reasons, sentences.details(quality), quality)
 
+    def _cropped(self, solution: FittedCamera | None) -> str:
+        """That the photo is a crop, where what EXIF says of its focal length was refuted; else nothing."""
+        if solution is None or self.prior.source != "exif" or solution.prior.source == "exif" or not self.photo.focal_35mm:
+            return ""
+        return crop_sentence(solution, self.photo.focal_35mm, self.start.intrinsics)
+
     def report(
         self,
         refined: Camera | None,
@@ -272,7 +278,9 @@ class _Refinement:
     ) -> RefineReport:
         seconds = time.perf_counter() - began
         lens = () if solution is None or refined is None else lens_numbers(solution, self.start.intrinsics)
-        reasons = tuple(r for r in (*judgement.reasons, lens_sentence(lens, self.start.intrinsics)) if r)
+        reasons = tuple(
+            r for r in (*judgement.reasons, self._cropped(solution), lens_sentence(lens, self.start.intrinsics)) if r
+        )
         log.info("%s after %d iterations, %.1f s: %s", judgement.verdict, len(records), seconds, " ".join(reasons))
         log.debug("%s", " ".join(judgement.details))
         return RefineReport(

@@ -43,10 +43,9 @@ LENS_NUMBERS = ("focal", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "squeeze")
 
 @dataclass(frozen=True)
 class LensNumber:
-    """One number of a lens: "given" with a calibration, "solved" for, "held" at its guess because the matches did not ask for
-    another one, or "shared" with other photos of one lens (`shared_lens`). `std`: standard deviation of the value, infinite
-    where nothing bounds it. "focal" (the geometric mean of fx and fy), "cx" and "cy" are pixels of the photo at its full size,
-    "squeeze" is fx / fy.
+    """One number of a lens: "given" with a calibration, "solved" for, "held" near its guess, because the matches tell it hardly
+    better than that, or "shared" with other photos. `std`: standard deviation of the value, infinite where nothing bounds it.
+    "focal" (the geometric mean of fx and fy), "cx" and "cy" are pixels of the photo at its full size, "squeeze" is fx / fy.
     """
 
     name: str

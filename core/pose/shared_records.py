@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, log10
 from typing import Any
 
 from ..cameras.files import camera_from_dict, camera_to_dict
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics
-from ..geometry.conventions import focal_px_from_35mm
 from ..support.words import counted
-from .lens_report import lens_sentence, shared_numbers
+from .lens_report import focal_words, lens_sentence, shared_numbers
 from .report import LensEvidence, LensNumber, PoseQuality, Verdict
 from .report_json import VERDICTS, evidence_from_dict, lens_from_dict, lens_to_dict, quality_from_dict, quality_to_dict
 from .shared_lens import SharedLens, SharedPhoto, share_lens
@@ -75,17 +73,20 @@ class PhotoSolution:
 
 @dataclass(frozen=True, eq=False)
 class SharedRecords:
-    """The lens that photos share, how many do, and the records that it changed, by their index among those that were given."""
+    """The lens that photos share, how many do, and the records that it changed, by their index among those that were given;
+    `left`: the indices of photos that keep a lens of their own.
+    """
 
     lens: Intrinsics
     numbers: tuple[LensNumber, ...]
     count: int
     records: dict[int, Record]
+    left: tuple[int, ...]
 
     @property
     def focal(self) -> str:
         """The focal length in words."""
-        return _focal_words(self.lens, self.numbers)
+        return f"focal length {focal_words(self.numbers[0], self.lens)}"
 
 
 def takes_part(record: Record) -> bool:
@@ -118,7 +119,8 @@ def share_records(records: Sequence[Record], name: str) -> SharedRecords | None:
             sentence = f"Its lens is not that of the other photos of {name}, so it keeps its own."
             changes = {"reasons": [*found[i].reasons, sentence]}
         changed[i] = _with_own(records[i], changes)
-    return SharedRecords(shared.intrinsics, numbers, len(shared.photos), changed)
+    left = tuple(members[place] for place in shared.others)
+    return SharedRecords(shared.intrinsics, numbers, len(shared.photos), changed, left)
 
 
 def _with_own(record: Record, changes: Record) -> Record:
@@ -145,7 +147,10 @@ def _changes(own: PhotoSolution, shared: SharedLens, photo: SharedPhoto, numbers
     return {
         **{name: value for name, value in camera.items() if name not in kept},
         "verdict": verdict,
-        "reasons": [*reasons, _shared_with(len(shared.photos) - 1, _focal_words(shared.intrinsics, numbers))],
+        "reasons": [
+            *reasons,
+            _shared_with(len(shared.photos) - 1, f"focal length {focal_words(numbers[0], shared.intrinsics)}"),
+        ],
         "details": own.worded(quality),
         "quality": quality_to_dict(quality),
         "lens": lens_to_dict(numbers),
@@ -161,12 +166,3 @@ def _moved_far(moved_pct: float, moved_deg: float) -> str:
 
 def _shared_with(others: int, focal: str) -> str:
     return f"Its lens is shared with {counted(others, 'other photo')}: {focal}."
-
-
-def _focal_words(lens: Intrinsics, numbers: Sequence[LensNumber]) -> str:
-    """The focal length with its deviation, to that one's first digit."""
-    px_per_mm = focal_px_from_35mm(1.0, lens.width, lens.height)
-    mm, std = numbers[0].value / px_per_mm, numbers[0].std / px_per_mm
-    sure = isfinite(std) and std > 0
-    digits = min(max(-int(log10(std) // 1), 1), 4) if sure else 1
-    return f"focal length {mm:.{digits}f} mm{f' +- {std:.1g}' if sure else ''} (35 mm equivalent)"

@@ -9,7 +9,7 @@ import pytest
 
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.pose.final.solution import FittedCamera
-from core.pose.lens_report import lens_numbers, lens_sentence
+from core.pose.lens_report import crop_sentence, lens_numbers, lens_sentence
 from core.pose.report import LENS_NUMBERS, LensEvidence, RefineReport
 from core.pose.report_json import evidence_from_dict, report_to_dict
 from core.pose.shared.lens import ALL, CALIBRATED_STD, GUESS_STD, CameraUnknowns, LensPrior
@@ -50,7 +50,7 @@ def test_a_calibration_is_given():
 def test_the_sentence_names_what_was_solved_for():
     """2700 px on a 3600 x 2400 photo: 43.27 mm of diagonal / 4326.7 px x 2700 px = 27.0 mm."""
     said = lens_sentence(guessed(), PHOTO)
-    assert said == ("Focal length 27 mm +- 0.08 mm (35 mm equivalent), solved for; the principal point, k1, k2 solved for.")
+    assert said == ("Focal length 27.00 mm +- 0.08 mm (35 mm equivalent), solved for; the principal point, k1, k2 solved for.")
 
 
 def test_a_focal_length_without_a_bound_states_none():
@@ -74,3 +74,14 @@ def test_what_a_photo_knows_of_its_lens_survives_json_and_nothing_else_does():
         {"information": [math.nan] * 120, "guess": [9] * 11},
     ):
         assert evidence_from_dict(spoilt) is None
+
+
+def test_a_pair_of_which_one_number_is_held_is_not_told_as_solved():
+    std = np.where(np.arange(9) == 2, 0.9, TOLD / GUESS_STD) * GUESS_STD
+    said = lens_sentence(lens_numbers(solution(std, LensPrior(PHOTO, GUESS_STD, "guess"), ALL), PHOTO), PHOTO)
+    assert "principal point" not in said and "k1" in said
+
+
+def test_a_cropped_photo_is_told_by_its_two_focal_lengths():
+    said = crop_sentence(solution(TOLD, LensPrior(PHOTO, GUESS_STD, "guess"), ALL), 13.5, PHOTO)
+    assert "cropped" in said and "EXIF says 13.5 mm, the matches 27 mm" in said
