@@ -183,7 +183,7 @@ def documented():
         groups[f"[{name}]"] = text
     for name, text in re.findall(r"^python -m core (\w+) (.+(?:\n .+)*)", block, re.MULTILINE):
         whole = re.sub(r"\[[A-Z]+\]", lambda match: groups.get(match[0], match[0]), text)
-        commands[name] = sorted(re.findall(r"--[a-z-]+", whole))
+        commands[name] = sorted({*commands.get(name, []), *re.findall(r"--[a-z-]+", whole)})
     return commands
 
 
