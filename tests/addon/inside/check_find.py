@@ -99,6 +99,7 @@ def test_a_photo_without_a_start_comes_home_and_the_map_is_used_again(bpy, lost,
     assert len(maps(extension)) == 1
 
 
+@pytest.mark.main_only
 def test_refine_camera_searches_the_scan_where_it_fails_from_its_start_and_says_so(bpy, mapped, place, extension):
     camera = mapped.camera
     assert bpy.ops.gssmc.refine(locate=False, **rooms.QUICK) == {"CANCELLED"}
@@ -125,6 +126,7 @@ def only_known(extension):
     return built
 
 
+@pytest.mark.main_only
 def test_a_camera_that_was_placed_roughly_needs_no_map_and_says_so(bpy, listed, place, extension, monkeypatch):
     monkeypatch.setattr(extension("gssmc_addon.find.finder"), "build_map", only_known(extension))
     assert bpy.ops.gssmc.find_camera(**rooms.QUICK) == {"FINISHED"}
@@ -133,6 +135,7 @@ def test_a_camera_that_was_placed_roughly_needs_no_map_and_says_so(bpy, listed, 
     assert maps(extension) == []
 
 
+@pytest.mark.main_only
 def test_a_solved_camera_is_looked_from_before_the_map(bpy, listed, place, extension, monkeypatch):
     monkeypatch.setattr(extension("gssmc_addon.find.finder"), "build_map", only_known(extension))
     other = listed.gssmc.photos[1].camera

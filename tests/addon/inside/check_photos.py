@@ -62,6 +62,7 @@ def test_a_held_camera_says_so_and_none_refined_is_cancelled(bpy, listed):
     assert matrices(listed) == before
 
 
+@pytest.mark.main_only
 def test_the_renderer_is_made_once(bpy, listed, extension, monkeypatch):
     made = []
     module = extension("gssmc_addon.splat.renderer")
@@ -303,6 +304,7 @@ def watched(job):
     return seen
 
 
+@pytest.mark.main_only
 def test_the_second_pass_can_be_stopped(bpy, listed, extension):
     own = listed.gssmc
     turn_away(own.photos[2].camera)
@@ -335,6 +337,7 @@ def test_starts_are_near_first_and_then_from_all_around(extension):
     assert neighbours.choose(at(3.2), []) == []
 
 
+@pytest.mark.main_only
 def test_a_stopped_queue_keeps_what_is_done(bpy, listed, extension):
     """Driven by hand as the window's timer does it."""
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
@@ -352,6 +355,7 @@ def test_a_stopped_queue_keeps_what_is_done(bpy, listed, extension):
     assert {name for name, now in matrices(listed).items() if now != before[name]} <= {"p0"}
 
 
+@pytest.mark.main_only
 def test_photos_do_not_pile_up_in_memory(bpy, listed):
     """Pixels are let go once a photo has its camera; what stays is a thumbnail."""
     images = [entry.camera.data.gssmc.photo for entry in listed.gssmc.photos[1:]]
@@ -361,6 +365,7 @@ def test_photos_do_not_pile_up_in_memory(bpy, listed):
         assert np.ptp(np.array(image.preview.image_pixels_float)) > 0.2
 
 
+@pytest.mark.main_only
 def test_a_queue_ends_with_its_splat(bpy, listed, extension):
     settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
     job = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings)

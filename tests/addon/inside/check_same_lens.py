@@ -161,6 +161,7 @@ def test_a_held_camera_keeps_its_own_and_says_why(bpy, extension, listed, record
     assert "keeps its lens: The constraint" in bpy.context.window_manager.gssmc.message
 
 
+@pytest.mark.main_only
 def test_the_end_of_refine_all_shares_the_lens(bpy, extension, listed, monkeypatch):
     """The photos show no splat, so the refinements fail; what was solved before stands."""
     queue = extension("gssmc_addon.photo.queue").RefineQueue
