@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...geometry.camera import pose_error
+from ..shared.least_squares import reduced
 from ..shared.lens import Free
 from .joint import JointFit, cost_of, fit_joint
 
@@ -53,12 +54,8 @@ def doubt(fit: JointFit) -> LensDoubt:
     freer = fit_joint(fit.camera, wide, fit.kind)
     given, other = (cost_of(camera, wide, fit.kind, freer.camera) for camera in (fit.camera, freer.camera))
     base = [*range(6), *(6 + free.index(n) for n in fit.problem.free)]
-    H, held = other.information, [free[i - 6] for i in more]
-    prior = wide.prior.information[held]
-    A = (
-        H[np.ix_(more, more)]
-        - H[np.ix_(more, base)] @ np.linalg.pinv(H[np.ix_(base, base)], hermitian=True) @ H[np.ix_(base, more)]
-    )
-    # H holds the prior's part already, so that A is that of the formula with P added.
+    prior = wide.prior.information[[free[i - 6] for i in more]]
+    A = reduced(other.information, more, base)
+    # The information holds the prior's part already, so that A is that of the formula with P added.
     chance = np.linalg.slogdet(A)[1] - np.log(prior).sum()
     return LensDoubt(float(given.cost - other.cost - chance / 2), *pose_error(freer.camera.pose, fit.camera.pose))

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..shared.least_squares import reduced
 from ..shared.lens import ALL, MODES, SQUEEZE
 from .joint import JointFit, fit_joint
 
@@ -32,8 +33,8 @@ def with_squeeze(fit: JointFit) -> JointFit:
 def squeeze_log_odds(fit: JointFit) -> float:
     """log B of a squeezed picture against one whose pixels are as the prior's lens has them."""
     base, one = [*range(6), *(6 + n for n in fit.problem.free)], 6 + SQUEEZE
-    H, gradient = fit.evidence.information, float(fit.evidence.gradient[one])
-    known = H[np.ix_(base, base)] + np.diag([*[0.0] * 6, *fit.problem.prior.information[list(fit.problem.free)]])
-    A = float(H[one, one] - H[one, base] @ np.linalg.pinv(known, hermitian=True) @ H[base, one])
-    prior = SQUEEZE_STD**-2
+    gradient, prior = float(fit.evidence.gradient[one]), SQUEEZE_STD**-2
+    known = np.zeros(len(fit.evidence.gradient))
+    known[base[6:]] = fit.problem.prior.information[list(fit.problem.free)]
+    A = float(reduced(fit.evidence.information + np.diag(known), [one], base)[0, 0])
     return 0.5 * gradient**2 / (A + prior) - 0.5 * float(np.log1p(A / prior))

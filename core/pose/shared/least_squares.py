@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -25,6 +25,14 @@ class NormalEquations:
     cost: float
     gradient: FloatArray
     information: FloatArray
+
+
+def reduced(information: FloatArray, kept: Sequence[int], others: Sequence[int]) -> FloatArray:
+    """The information (k, k) on the unknowns `kept` after the `others` have taken their part of it: the Schur complement of
+    theirs in `information` (n, n).
+    """
+    H, k, o = information, list(kept), list(others)
+    return np.asarray(H[np.ix_(k, k)] - H[np.ix_(k, o)] @ np.linalg.pinv(H[np.ix_(o, o)], hermitian=True) @ H[np.ix_(o, k)])
 
 
 def levenberg_marquardt(
