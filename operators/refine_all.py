@@ -46,10 +46,7 @@ class OfList(NeedsPhoto, JobOperator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not photo_list.cameras(context.scene):
-            cls.poll_message_set("There are no photos on the list; use Add Photos first")
-            return False
-        return super().poll(context)
+        return photo_list.poll(cls, context.scene) and super().poll(context)
 
     def make_job(self, context: bpy.types.Context) -> photo_queue.RefineQueue:
         context.view_layer.update()  # Scripts set locations and expect them to be used.

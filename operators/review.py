@@ -24,10 +24,7 @@ class GSSMC_OT_review(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not photo_list.cameras(context.scene):
-            cls.poll_message_set("There are no photos on the list; use Add Photos first")
-            return False
-        return True
+        return photo_list.poll(cls, context.scene)
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:

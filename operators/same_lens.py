@@ -23,10 +23,7 @@ class GSSMC_OT_same_lens(Idle, PlainOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not photo_list.cameras(context.scene):
-            cls.poll_message_set("There are no photos on the list; use Add Photos first")
-            return False
-        return super().poll(context)
+        return photo_list.poll(cls, context.scene) and super().poll(context)
 
     def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()  # Scripts set locations and expect them to be used.

@@ -30,10 +30,7 @@ class GSSMC_OT_set_masks(PlainOperator, bpy.types.Operator, FromFile):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not photo_list.cameras(context.scene):
-            cls.poll_message_set("There are no photos on the list; use Add Photos first")
-            return False
-        return True
+        return photo_list.poll(cls, context.scene)
 
     def run(self, context: bpy.types.Context) -> set[str]:
         """Assigns the masks. Their sizes are checked when a photo is refined, because reading all of them takes minutes."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..batch.keys import BatchQuery
 from ..batch.lens_groups import lens_groups
 from ..batch.store import ResultStore
-from ..pose.shared_records import share_records
+from ..pose.shared_records import share_records, takes_part
 from ..support.words import counted
 from .console import message, say
 
@@ -27,7 +27,7 @@ def share_lenses(sharing: str, queries: Sequence[BatchQuery], store: ResultStore
     if sharing == "one" and len(groups) > 1:
         sizes = ", ".join(f"{g.name} ({counted(len(g.members), 'photo')})" for g in groups)
         message(f"The photos have {len(groups)} sizes, and only photos of one size can share a lens: {sizes}.")
-    if sharing == "auto" and not groups and len(lens_groups("one", queries, store.records)):
+    if sharing == "auto" and not groups and any(takes_part(record) for record in store.records.values()):
         message("No lens is shared, because no photo's EXIF tells its camera; if one camera took them, use --shared-lens one.")
     for group in groups:
         name, members = group.name, group.members

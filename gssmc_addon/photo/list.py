@@ -26,6 +26,14 @@ def cameras(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return [camera for camera in (camera_of(scene, entry) for entry in scene.gssmc.photos) if camera]
 
 
+def poll(operator: type[bpy.types.Operator], scene: bpy.types.Scene) -> bool:
+    """Whether the list has photos, for an operator that needs some; it says so where not."""
+    if not cameras(scene):
+        operator.poll_message_set("There are no photos on the list; use Add Photos first")
+        return False
+    return True
+
+
 def is_open(entry: GssmcPhoto) -> bool:
     """Whether the camera of the photo is still to be found: it is not trusted."""
     return camera_solution.verdict(entry.id_data, entry.camera) != "TRUSTED"

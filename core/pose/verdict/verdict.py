@@ -153,8 +153,8 @@ def is_unsettled(verdict: Verdict, quality: PoseQuality | None) -> bool:
     q = quality
     if q is None or verdict == "trusted":
         return False
-    apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
-    return q.of != "refined" or not sits_well(q) or not apart or q.views_used < TRUSTED_VIEWS or q.inliers < TRUSTED_INLIERS
+    agree = Apart(q.disagreement_pct, q.disagreement_deg).is_same
+    return q.of != "refined" or not sits_well(q) or not agree or q.views_used < TRUSTED_VIEWS or q.inliers < TRUSTED_INLIERS
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,6 @@ class Apart:
 def _doubts(q: PoseQuality) -> list[str]:
     # A comparison with NaN, which stands for an unknown figure, is false. Where an unknown figure is a reason for doubt, the
     # test is therefore written `not <=`.
-    apart = q.disagreement_pct <= TRUSTED_DISAGREEMENT_PCT and q.disagreement_deg <= TRUSTED_DISAGREEMENT_DEG
     checks = [
         (q.corners < MIN_CORNERS, sentences.few_corners),
         (not sits_well(q), sentences.fits_in_part),
@@ -187,7 +186,7 @@ def _doubts(q: PoseQuality) -> list[str]:
         (q.inliers < TRUSTED_INLIERS, sentences.few_matches),
         (not q.coverage >= TRUSTED_COVERAGE, sentences.uncovered),
         (not rms_px(q) <= TRUSTED_RMS_PX, sentences.views_apart),
-        (not apart, sentences.halves_apart),
+        (not Apart(q.disagreement_pct, q.disagreement_deg).is_same, sentences.halves_apart),
         (not q.translation_std_pct <= TRUSTED_STD_PCT, sentences.place_uncertain),
         (not q.focal_std_pct <= TRUSTED_FOCAL_STD_PCT, sentences.focal_uncertain),
         (_may_be_other_lens(q), sentences.other_lens),

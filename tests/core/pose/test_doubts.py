@@ -17,16 +17,6 @@ from core.pose.settings import RefineSettings
 pytestmark = pytest.mark.loop
 
 
-@pytest.fixture(scope="module")
-def room():
-    return BoxRoom()
-
-
-@pytest.fixture(scope="module")
-def photo(room):
-    return room.photo(LENS, TRUTH)
-
-
 def spoil(monkeypatch, runs, way):
     """The first `runs` answers of the loop end `way` (3,) scene units away from where they should."""
     fit, calls = loop_module.fine_pose, []

@@ -22,16 +22,6 @@ from core.pose.verdict.verify import compare
 pytestmark = pytest.mark.loop
 
 
-@pytest.fixture(scope="module")
-def room():
-    return BoxRoom()
-
-
-@pytest.fixture(scope="module")
-def photo(room):
-    return room.photo(LENS, TRUTH)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_near_start_comes_home(room, photo, seed):
     report = refine(room, photo, Camera(LENS, _start(0.05, 4.0, seed), "p.png"))
