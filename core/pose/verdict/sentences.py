@@ -156,16 +156,17 @@ def focal_uncertain(q: PoseQuality) -> str:
 
 
 def other_lens(q: PoseQuality) -> str:
-    what = 'check the lens, or have it solved for (the lens mode "full")'
-    other = "another one"
+    what = "check the lens, or solve for all of it (lens mode full)"
+    focal = ""
     if isfinite(q.lens_focal_pct) and abs(q.lens_focal_pct) >= FOCAL_WORTH_SAYING_PCT:
-        other += f", its focal length {abs(q.lens_focal_pct):.1f} % {'longer' if q.lens_focal_pct > 0 else 'shorter'}"
+        focal = f", its focal length {abs(q.lens_focal_pct):.1f} % {'longer' if q.lens_focal_pct > 0 else 'shorter'}"
     where = "elsewhere"
     if isfinite(q.lens_shift_pct) and isfinite(q.lens_shift_deg):
         where = f"{per_cent(q.lens_shift_pct)} of the distance to the scene and {q.lens_shift_deg:.2f} degrees off"
     if q.lens_log_odds > 0:
-        return f"The lens does not fit the photo: with {other}, which fits better, the camera would stand {where}; {what}."
-    return f"The matches do not tell the lens from {other}, with which the camera would stand {where}; {what}."
+        fits = f"with another one{focal}, which fits better, the camera would stand {where}"
+        return f"The lens does not fit the photo: {fits}; {what}."
+    return f"The matches do not tell the lens from another one{focal}, with which the camera would stand {where}; {what}."
 
 
 def details(q: PoseQuality) -> tuple[str, ...]:
