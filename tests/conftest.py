@@ -20,7 +20,7 @@ def rings(item):
 
 
 def group(item):
-    """Tests of one group run in one process: those of a module share rooms and photos, a check inside Blender shares nothing."""
+    """Tests of a group run in one process: those of a module share rooms and photos, a check inside Blender shares nothing."""
     return item.nodeid if item.path.name == "test_extension.py" else item.path.as_posix()
 
 
