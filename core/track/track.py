@@ -15,7 +15,7 @@ from ..pose.sequence import FramePose, interpolate, nearest, smooth
 from ..pose.shared.lens import LensPrior, moved_lens
 from ..render.view import ViewRenderer
 from ..support.words import counted
-from .frames import GOOD_CELLS, GOOD_MATCHES, GOOD_SHARE, FrameMatcher, ReadFrame
+from .frames import GOOD_CELLS, GOOD_MATCHES, FrameMatcher, ReadFrame
 from .report import FrameState, Track, TrackedFrame, TrackProgress
 from .settings import TrackSettings
 from .shot import ShotProblem, ShotSolution, solve_shot
@@ -152,19 +152,17 @@ class _Ending:
         size = max(k.width, k.height)
         scale = size / min(size, self.settings.long_side_px)
         rms = scale * self.solution.rms_px[frame]
-        state, reason = _state(rms * min(1.0, LONG_SIDE_PX / size), tie.evidence.matches, tie.cells, tie.share)
+        state, reason = _state(rms * min(1.0, LONG_SIDE_PX / size), tie.evidence.matches, tie.cells)
         return TrackedFrame(frame, camera, state, reason, tie.evidence.matches, rms)
 
 
-def _state(rms_px: float, matches: int, cells: int, share: float) -> tuple[FrameState, str]:
+def _state(rms_px: float, matches: int, cells: int) -> tuple[FrameState, str]:
     if not rms_px <= GOOD_RMS_PX:
         return "weak", f"Its corners sit on the splat only to {rms_px:.1f} px."
     if matches < GOOD_MATCHES:
         return "weak", f"Only {counted(matches, 'corner')} hold it."
     if cells < GOOD_CELLS:
         return "weak", "What holds it lies in a small part of the picture."
-    if share < GOOD_SHARE:
-        return "weak", f"Only {100 * share:.0f} % of its corners sit on the splat."
     return "good", ""
 
 

@@ -24,13 +24,12 @@ Recover = Callable[[Photo, Pose], Pose | None]
 
 @dataclass(frozen=True, eq=False)
 class Tie:
-    """How a frame is tied to the splat: its evidence, its pose, the share (0..1) of its corners on the splat that sit, cells of
-    the picture that hold one, and the median depth (scene units).
+    """How a frame is tied to the splat: its pose, its evidence, how many cells of the picture hold a corner of it, and the
+    median depth (scene units).
     """
 
     pose: Pose
     evidence: Evidence
-    share: float
     cells: int
     median_depth: float
 
@@ -46,7 +45,7 @@ class Found:
     def add(self, frame: int, solved: SolvedFrame) -> None:
         height = solved.photo.intrinsics.height
         evidence = evidence_of(solved.fit, height)
-        self.ties[frame] = Tie(solved.pose, evidence, solved.share, solved.cells, solved.median_depth)
+        self.ties[frame] = Tie(solved.pose, evidence, solved.cells, solved.median_depth)
         self.lost.pop(frame, None)
 
 
@@ -98,11 +97,11 @@ class Walk:
         if link is None:
             self.found.lost[frame] = "The picture changed too much from the frame before to follow it."
             return None
-        solved = self.matcher.solve(photo, link.camera.pose)
+        solved = self.matcher.solve(photo, link.fit.camera.pose, link)
         if solved is None:
             self.found.lost[frame] = "Too little of the picture sits on the splat."
             return None
-        self.found.links.append(Link(at, frame, evidence_of(link, photo.intrinsics.height)))
+        self.found.links.append(Link(at, frame, evidence_of(link.fit, photo.intrinsics.height)))
         return solved
 
     def _anew(self, frame: int, last: Pose) -> SolvedFrame | None:
