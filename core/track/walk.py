@@ -10,11 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..errors import GssmcError
 from ..geometry.camera import Pose
 from ..geometry.lie import se3_exp, se3_log
 from ..photos.photo import Photo
-from .evidence import Evidence, evidence_of
+from ..pose.final.solution import deviations
+from .evidence import XI, Evidence, evidence_of
 from .frames import FrameMatcher, ReadFrame, SolvedFrame
 from .shot import Link
 
@@ -32,6 +35,12 @@ class Tie:
     evidence: Evidence
     cells: int
     median_depth: float
+
+    @property
+    def std_pct(self) -> float:
+        """Standard deviation of the camera's place as this frame alone tells it, per cent of the median depth."""
+        std = deviations(self.evidence.equations.information[XI, XI], self.median_depth)
+        return 100 * float(np.linalg.norm(std[:3])) / self.median_depth
 
 
 @dataclass(eq=False)
@@ -59,7 +68,14 @@ class Walk:
     recover: Recover | None = None
 
     def along(self, frames: Sequence[int], before: SolvedFrame, at: int) -> Generator[int, None, None]:
-        """Solves `frames` one after the other, from `before`, the solved frame `at`; yields each number when it is done."""
+        """Solves `frames` one after the other, from `before`, the solved frame `at`; yields each number when it is done. Those
+        that were found or lost before are passed over.
+        """
+        known = [f for f in frames if f in self.found.ties or f in self.found.lost]
+        tied = [f for f in known if f in self.found.ties]
+        if tied and (again := self.first(tied[-1], self.found.ties[tied[-1]].pose)) is not None:
+            before, at = again, tied[-1]
+        frames = [f for f in frames if f not in known]
         step, last_at, gap = _Motion(), at, 0
         step.note(at, before.pose)
         wanted = 1
