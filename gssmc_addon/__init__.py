@@ -34,6 +34,7 @@ from ..operators import (
     track_plate,
     undistort_photo,
     up_axis,
+    weak_frame,
 )
 from .camera import frame as camera_frame
 from .headless import command as cli
@@ -78,6 +79,7 @@ _class_modules = (
     add_plate,
     track_plate,
     refine_sequence,
+    weak_frame,
     panels,
     photo_panel,
     preview_panel,

@@ -32,6 +32,7 @@ def write(job: TrackJob, track: Track) -> tuple[str, bool]:
     camera_solution.keep(scene, camera, splat, solved)
     weak = [frame.frame for frame in track.frames if frame.state != "good"]
     camera.data.gssmc.frames_done, camera.data.gssmc.bad_frames = len(track.frames), frame_list(weak)
+    camera.data.gssmc.weak_frames = " ".join(map(str, weak))
     values = {"name": camera.name, "summary": track.reasons[0], "count": len(cameras)}
     message = rpt_('"{name}": {summary} {count} keys were set.', **values)
     if len(cameras) == 1:

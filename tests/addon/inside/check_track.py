@@ -41,6 +41,9 @@ def test_a_lost_frame_is_filled_and_said(bpy, plate, extension):  # noqa: F811
     data = scene.camera.data.gssmc
     assert (data.verdict, data.bad_frames) == ("CHECK", str(BAD_FRAME))
     assert f"Frame {BAD_FRAME}: " in data.reasons
+    for step in (1, -1, 1):
+        assert bpy.ops.gssmc.weak_frame(step=step) == {"FINISHED"}
+        assert scene.frame_current == BAD_FRAME
     assert errors(bpy, extension, scene, plate[1], FRAMES)[:, 0].max() < 0.03
 
 
