@@ -11,7 +11,20 @@ from ..support.words import counted
 from . import cambridge, camera_json, colmap, inria, nerfstudio, pose_list, seven_scenes
 from .files import StartCamera
 from .names import match_names
-from .programs import bundler, meshroom, metashape, ns_export, nvm, opensfm, others, realitycapture
+from .programs import (
+    bundler,
+    fspy,
+    meshroom,
+    metashape,
+    ns_export,
+    nvm,
+    opensfm,
+    others,
+    polycam,
+    realitycapture,
+    realitycapture_xmp,
+    record3d,
+)
 from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
 from .unplaced import Unplaced, read_wanted
 
@@ -70,9 +83,13 @@ LAYOUTS: dict[str, Layout] = {
     "realitycapture": Layout(realitycapture.detect, realitycapture.read),
     "bundler": Layout(bundler.detect, bundler.read),
     "nvm": Layout(nvm.detect, nvm.read),
+    "polycam": Layout(polycam.detect, polycam.read),
+    "record3d": Layout(record3d.detect, record3d.read),
+    "fspy": Layout(fspy.detect, fspy.read),
     "others": Layout(others.detect, others.read),
     "cameras": Layout(camera_json.detect, camera_json.read),
     "colmap": Layout(colmap.detect, colmap.read),
+    "realitycapture-xmp": Layout(realitycapture_xmp.detect, realitycapture_xmp.read),
     "poses": Layout(pose_list.detect, pose_list.read),
 }
 
@@ -103,7 +120,7 @@ def camera_file(path: Path) -> CameraFile:
         return CameraFile(tuple(read_wanted(path)))
     found = LAYOUTS[_known(path)].read(path, "test")
     records = [
-        StartCamera(one.pose, one.name, one.intrinsics, pixel_order=found.pixel_order, lens_of_size=one.lens_of_size)
+        StartCamera(one.pose, one.name, one.intrinsics, one.focal_guessed, found.pixel_order, one.lens_of_size)
         for one in found.frames
         if one.is_picture
     ]

@@ -11,17 +11,28 @@ from .parts import begins
 
 # What a file begins with or holds near its beginning, all of it; what the file is; what to give instead.
 KINDS: tuple[tuple[tuple[str, ...], str, str], ...] = (
-    (('"t_00"', '"t_23"'), "a single frame of Polycam", "process the capture with ns-process-data and give transforms.json"),
-    (
-        ('"poses"', '"K"', '"w"'),
-        "the metadata of Record3D",
-        "process the capture with ns-process-data and give transforms.json",
-    ),
     (("<document", "{projectname}.files/"), "a Metashape project", "export its cameras as XML"),
+    (("<document", "{projectname}.files\\"), "a Metashape project", "export its cameras as XML"),
     (("Ogawa",), "an Alembic file", "import it in Blender, whose cameras can be refined"),
-    (("fspy",), "an fSpy project", "import it in Blender with fSpy's add-on; its camera can be refined"),
-    (("<x:xmpmeta", "xcr:"), "the XMP of one photo by RealityCapture", "export internal and external parameters as CSV"),
 )
+# What only the name tells, because such a file is an archive like any other.
+SUFFIXES = {
+    ".psz": ("a Metashape project", "export its cameras as XML"),
+    ".psx": ("a Metashape project", "export its cameras as XML"),
+    ".rcproj": ("a RealityCapture project", "export internal and external parameters as CSV, or XMP files"),
+    ".rsproj": ("a RealityScan project", "export internal and external parameters as CSV, or XMP files"),
+    ".rcalign": ("a component of RealityCapture", "export internal and external parameters as CSV, or XMP files"),
+    ".p3p": ("a 3DF Zephyr project", "export its cameras as a Bundler or NVM file"),
+    ".zep": ("a 3DF Zephyr project", "export its cameras as a Bundler or NVM file"),
+    ".p4d": ("a Pix4D project", "export its cameras as a Bundler file"),
+    ".mg": ("a Meshroom project", "give cameras.sfm of its StructureFromMotion node"),
+    ".fbx": ("an FBX file", "import it in Blender, whose cameras can be refined"),
+    ".chan": ("a channel file", "import it in Blender, whose cameras can be refined"),
+    ".usd": ("a USD file", "import it in Blender, whose cameras can be refined"),
+    ".usda": ("a USD file", "import it in Blender, whose cameras can be refined"),
+    ".usdc": ("a USD file", "import it in Blender, whose cameras can be refined"),
+    ".abc": ("an Alembic file", "import it in Blender, whose cameras can be refined"),
+}
 
 
 def detect(path: Path) -> bool:
@@ -35,8 +46,10 @@ def read(path: Path, split: Split = "test") -> NoReturn:
 
 
 def _kind(path: Path) -> tuple[str, str] | None:
-    start = begins(path) if path.is_file() else ""
+    if not path.is_file():
+        return None
+    start = begins(path)
     plain = [(signs, kind, advice) for signs, kind, advice in KINDS if all(sign in start for sign in signs)]
     # A short sign counts at the very beginning alone.
     found = [one for one in plain if len(one[0]) > 1 or start.startswith(one[0][0])]
-    return (found[0][1], found[0][2]) if found else None
+    return (found[0][1], found[0][2]) if found else SUFFIXES.get(path.suffix.lower())
