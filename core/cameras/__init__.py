@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import CameraError, DatasetError
 from ..support.words import counted
 from . import cambridge, camera_json, colmap, inria, nerfstudio, pose_list, seven_scenes
 from .files import StartCamera
-from .names import match_names
+from .names import match_names, record_of_photo
 from .programs import (
     bundler,
     fspy,
@@ -25,7 +25,7 @@ from .programs import (
     realitycapture_xmp,
     record3d,
 )
-from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
+from .types import PosedFrame, PoseSet, QueryPhoto, Split, bad_note, short
 from .unplaced import Unplaced, read_wanted
 
 __all__ = [
@@ -60,15 +60,26 @@ class Layout:
 
 @dataclass(frozen=True)
 class CameraFile:
-    """The records of a file, in its order, and sentences on what of it is left out."""
+    """The usable records of a file, in its order, sentences on what of it is left out, `bad` those on records that cannot be
+    used, and how many records the file has in all.
+    """
 
     records: tuple[StartCamera | Unplaced, ...]
     notes: tuple[str, ...] = ()
+    bad: tuple[str, ...] = ()
+    count: int = 0
 
     @property
     def placed(self) -> tuple[StartCamera, ...]:
         """Those that have a pose."""
         return tuple(one for one in self.records if isinstance(one, StartCamera))
+
+    def record_of(self, photo: str, source: str) -> StartCamera | Unplaced:
+        """The photo's own record (`record_of_photo`). Raises CameraError, which tells of a record that cannot be used too."""
+        try:
+            return record_of_photo(self.records, photo, source, alone=self.count == 1)
+        except CameraError as error:
+            raise CameraError(" ".join([str(error), *self.bad[:1]])) from None
 
 
 LAYOUTS: dict[str, Layout] = {
@@ -117,7 +128,8 @@ def camera_file(path: Path) -> CameraFile:
     if not path.exists():
         raise CameraError(f"There is no camera file at '{path}'; check the path.")
     if _known(path) == "cameras":
-        return CameraFile(tuple(read_wanted(path)))
+        wanted, bad = read_wanted(path)
+        return CameraFile(tuple(wanted), bad_note(bad, path.name), bad, len(wanted) + len(bad))
     found = LAYOUTS[_known(path)].read(path, "test")
     records = [
         StartCamera(one.pose, one.name, one.intrinsics, one.focal_guessed, found.pixel_order, one.lens_of_size)
@@ -128,7 +140,9 @@ def camera_file(path: Path) -> CameraFile:
         raise DatasetError(
             " ".join(found.notes) or f"No camera in '{path.name}' has a pose; give a file of cameras with poses."
         )
-    return CameraFile(tuple(records), (*found.notes, *_lacking(found.unsolved, found.unsolved + len(found.frames), path)))
+    count = found.unsolved + len(found.frames)
+    notes = (*found.notes, *_lacking(found.unsolved, count, path))
+    return CameraFile(tuple(records), notes, found.bad, count + len(found.bad))
 
 
 def starts(path: Path) -> CameraFile:
@@ -137,7 +151,8 @@ def starts(path: Path) -> CameraFile:
     if not found.placed:
         raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
     count = len(found.records)
-    return CameraFile(found.placed, (*found.notes, *_lacking(count - len(found.placed), count, path)))
+    notes = (*found.notes, *_lacking(count - len(found.placed), count, path))
+    return replace(found, records=found.placed, notes=notes)
 
 
 def _lacking(rest: int, count: int, path: Path) -> tuple[str, ...]:

@@ -59,9 +59,7 @@ class PoseSet:
         """Sentences on what of the file is left out."""
         said = Counter(frame.problem for frame in self.frames if frame.problem)
         notes = [f"{counted(count, 'camera')} of '{self.source}': {problem}." for problem, count in said.items()]
-        if self.bad:
-            notes.append(f"{counted(len(self.bad), 'camera')} of '{self.source}' cannot be used and left out: {self.bad[0]}")
-        return tuple(notes)
+        return (*notes, *bad_note(self.bad, self.source))
 
     @property
     def names(self) -> list[str]:
@@ -83,6 +81,11 @@ def lens_of_file(lens: Intrinsics) -> Intrinsics:
     if problem:
         raise CameraError(f"The camera's image is {lens.width} x {lens.height} pixels; {problem}, so correct its size.")
     return lens
+
+
+def bad_note(bad: Sequence[str], source: str) -> tuple[str, ...]:
+    """What is said of records that cannot be used, of which `bad` tells why."""
+    return (f"{counted(len(bad), 'camera')} of '{source}' cannot be used and left out: {bad[0]}",) if bad else ()
 
 
 def short(name: str) -> str:

@@ -25,6 +25,7 @@ from ...core.photos.fit import fit_camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, PhotoFacts, photo_facts, read_photo
 from ...core.photos.places import PhotoFinder
+from ...core.support.picture_names import stem_of
 from ..jobs.machine import Job
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
@@ -203,7 +204,7 @@ class CameraImport(Job):
 
     def _make(self, item: Incoming) -> None:
         scene, collection = by_uid(bpy.data.scenes, self._scene), self._living_collection()
-        name = Path(item.camera.file).stem or self._path.stem
+        name = stem_of(item.camera.file) or self._path.stem
         obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
         collection.objects.link(obj)
         if item.file:

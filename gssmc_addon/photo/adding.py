@@ -10,6 +10,7 @@ import bpy
 
 from ...core.errors import RefineError
 from ...core.photos.photo import Photo, read_photo
+from ...core.support.picture_names import PICTURES as SUFFIXES
 from ..jobs.machine import QueueJob
 from ..jobs.worker import Steps
 from ..support.texts import iface_, n_, rpt_
@@ -17,7 +18,6 @@ from . import camera as photo_camera
 from . import image as photo_image
 from . import list as photo_list
 
-SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".avif", ".heic", ".heif", ".dng", ".bmp", ".exr")
 NAMED = 5  # files that a sentence names
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)  # The file browser shows these files.
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import bpy
 
 from ...core.cameras import camera_file
-from ...core.cameras.names import record_of_photo
 from ...core.cameras.unplaced import Unplaced
 from ...core.errors import CameraError
 from ...core.geometry import conventions
@@ -49,7 +48,7 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera | Unp
 
     Raises CameraError when none or several name the photo or no splat can carry the pose, PhotoError when the shapes differ.
     """
-    wanted = record_of_photo(camera_file(Path(bpy.path.abspath(path))).records, photo.file, Path(path).name)
+    wanted = camera_file(Path(bpy.path.abspath(path))).record_of(photo.file, Path(path).name)
     if isinstance(wanted, Unplaced):
         lens = wanted.intrinsics and fit_lens(photo, wanted.intrinsics, wanted.pixel_order)
         return replace(wanted, intrinsics=lens, pixel_order="upright")

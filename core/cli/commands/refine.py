@@ -12,7 +12,6 @@ from ...batch.place import into_file, into_scene
 from ...batch.refine_one import read_masked_photo, refine_photo
 from ...cameras import camera_file
 from ...cameras.files import StartCamera
-from ...cameras.names import record_of_photo
 from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
@@ -156,4 +155,4 @@ def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:
     found = camera_file(file)
     for note in found.notes:
         message(note)
-    return record_of_photo(found.records, photo.name, file.name)
+    return found.record_of(str(photo.absolute()), file.name)
