@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PhotoError
-from . import jpeg
+from ..support.quiet import quiet_opencv
+from . import jpeg, png
 from .containers import heif
 from .containers.encoded import EncodedPicture
 from .size import EXR_SIGNATURE, check_photo_size, reduction
@@ -72,13 +73,16 @@ def _decoded(part: bytes, picture: EncodedPicture, name: str) -> NDArray[Any]:
         raise PhotoError(
             f"'{name}' is an OpenEXR picture, which only Add Photo in Blender reads; save it as PNG, TIFF or JPEG."
         )
+    if part.startswith(png.SIGNATURE) and (problem := png.problem(part)):
+        raise PhotoError(f"The photo '{name}' {problem}; copy it again.")
     factor = reduction(picture.size) if picture.size else 1
     flags = cv2.IMREAD_UNCHANGED
     # The decoder leaves pixels out, so that they take no memory.
     if factor > 1 and part.startswith(jpeg.SIGNATURE):
         flags = REDUCED_JPEG[factor] | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        raw = cv2.imdecode(np.frombuffer(part, np.uint8), flags)
+        with quiet_opencv():
+            raw = cv2.imdecode(np.frombuffer(part, np.uint8), flags)
     # The image has too many pixels, or its header makes the decoder raise.
     except (cv2.error, MemoryError):
         raw = None

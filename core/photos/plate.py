@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from ..errors import PhotoError
+from ..support.quiet import quiet_opencv
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name
@@ -66,7 +67,8 @@ def _movie_frames(path: Path) -> int:
     """How many frames a movie has; 0 for what is none (OpenCV opens numbered images as movies too, hence the suffixes)."""
     if path.suffix.lower() in {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".exr", ".bmp"}:
         return 0
-    movie = cv2.VideoCapture(str(path))
+    with quiet_opencv():
+        movie = cv2.VideoCapture(str(path))
     try:
         return int(movie.get(cv2.CAP_PROP_FRAME_COUNT)) if movie.isOpened() else 0
     finally:
@@ -76,7 +78,8 @@ def _movie_frames(path: Path) -> int:
 def _read_movie(path: Path, number: int) -> Photo:
     if not path.is_file():
         raise PhotoError(f"There is no movie at '{path}'; check the path.")
-    movie = cv2.VideoCapture(str(path))
+    with quiet_opencv():
+        movie = cv2.VideoCapture(str(path))
     try:
         if not movie.isOpened():
             raise PhotoError(f"The movie '{path.name}' cannot be opened; convert it to an image sequence.")
