@@ -39,9 +39,7 @@ def test_a_movie_that_is_none_says_so_once(tmp_path):
     """In a process of its own, because FFmpeg takes its level when it opens the first movie."""
     file = tmp_path / "plate.mp4"
     file.write_bytes(b"\0\0\0\x20ftypisom" + b"x" * 3000)
-    code = (
-        f"import sys; from pathlib import Path; from core.photos.plate import {open_plate.__name__} as o; o(Path(sys.argv[1]))"
-    )
+    code = "import sys; from core.photos.plate import open_plate; open_plate(sys.argv[1])"
     done = subprocess.run([sys.executable, "-c", code, str(file)], capture_output=True, text=True, check=False)
     assert done.stderr.strip().splitlines()[-1].startswith("core.errors.PhotoError: 'plate.mp4' is neither a movie")
     assert "moov" not in done.stderr
