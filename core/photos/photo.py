@@ -80,6 +80,8 @@ def _decoded(path: Path, data: bytes, exif: Exif) -> Photo:
         notes.append("The photo has 16 bits per channel; it is used with 8.")
     if raw.dtype != np.uint8:
         raise PhotoError(f"The photo '{path.name}' holds {raw.dtype} values; save it with 8 or 16 bits per channel.")
+    if picture.raw_kind:
+        notes.append("The raw photo is developed with its camera's white balance.")
     if picture.orientation != 1:
         notes.append(f"The photo is {ROTATION_WORDS[picture.orientation]}, as its EXIF data say.")
     factor, full = decoded.factor, decoded.full_size
