@@ -36,6 +36,7 @@ class Photo:
     `notes`: sentences about what was done to the pixels on reading (16-bit scaled, alpha dropped, rotated).
     `full_size`: (width, height) of a very large photo whose `pixels` were reduced on reading; None when they are all there.
     `orientation`: 1..8 as EXIF numbers how the file's pixels lie; other than 1 where its own file shows the photo turned.
+    `pixel_aspect`: how wide a pixel is shown, in its heights, where the file says so (a squeezed plate).
     `width` and `height` are the photo's own, which its camera belongs to; `pixels` may be fewer.
     """
 
@@ -46,6 +47,7 @@ class Photo:
     notes: tuple[str, ...] = ()
     full_size: tuple[int, int] | None = None
     orientation: int = 1
+    pixel_aspect: float = 1.0
 
     @property
     def stored_upright(self) -> bool:
