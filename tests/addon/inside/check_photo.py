@@ -286,8 +286,8 @@ def test_an_exr_is_read_in_the_colour_space_that_the_user_says(bpy, extension, t
     image.source, image.colorspace_settings.name = "SEQUENCE", "ACEScg"
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     camera.data.background_images.new().image = image
-    frame = extension("gssmc_addon.plate.source").moving_photo(camera).frame_at(2)
-    np.testing.assert_array_equal(frame.read().pixels, aces.pixels)
+    plate = extension("gssmc_addon.plate.source").moving_photo(camera)
+    np.testing.assert_array_equal(plate.frame_at(plate.scene_range[0]).read().pixels, aces.pixels)
 
 
 def test_a_black_exr_is_one_sentence_and_no_data(bpy, tmp_path):
