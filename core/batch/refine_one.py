@@ -10,7 +10,8 @@ from ..geometry.camera import Camera, rotation_angle_deg
 from ..photos.fit import fit_camera, other_reading
 from ..photos.mask import masked
 from ..photos.photo import Photo, read_photo
-from ..pose.refine import DONE, VERDICTS, refine
+from ..pose.attempt import DONE, VERDICTS
+from ..pose.refine import refine
 from ..pose.report import RefineProgress, RefineReport
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer

@@ -65,6 +65,11 @@ def _shared_folders(name: str, other: str) -> int:
     return count
 
 
+def names_photo(file: str, photo: str) -> bool:
+    """Whether a record's `file` spells the name of the photo, folders aside."""
+    return name_key(file_name(file)) == name_key(file_name(photo))
+
+
 def name_key(name: str) -> str:
     """What all spellings of a photo's name share: its words and numbers, without image suffixes.
 
