@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..errors import PhotoError
 from ..support.quiet import quiet_opencv
-from . import jpeg, png
-from .containers import heif
+from . import jpeg
+from .containers import heif, png
 from .containers import raw as developed
 from .containers.encoded import EncodedPicture
 from .size import EXR_SIGNATURE, check_photo_size, reduction
