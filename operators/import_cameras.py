@@ -23,7 +23,7 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
 
     __annotations__ = {
         "filter_glob": StringProperty(
-            default="*.json;*.txt;*.bin;*.xml;*.csv;*.sfm;*.out;*.nvm;*.xmp;*.r3d;*.fspy", options={"HIDDEN"}
+            default="*.json;*.txt;*.bin;*.xml;*.csv;*.sfm;*.out;*.nvm;*.xmp;*.r3d;*.fspy;*.abc", options={"HIDDEN"}
         ),
         "photos": StringProperty(
             name="Photos",

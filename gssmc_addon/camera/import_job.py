@@ -32,6 +32,7 @@ from ..photo import image as photo_image
 from ..splat import object as splat_object
 from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
+from . import alembic
 from . import bridge as camera_bridge
 
 COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")
@@ -63,13 +64,16 @@ class Found:
     notes: tuple[str, ...] = ()
 
 
-def read_incoming(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
+def read_incoming(
+    path: Path, photos: Path | None, world: Path | None = None, given: datasets.CameraFile | None = None
+) -> Generator[float, None, Found]:
     """The cameras of a file or folder, read step by step (yields the share done). Needs no Blender. Raises GssmcError.
 
-    `world`: nerfstudio's file that says how the splat's world lies to the cameras'.
+    `world`: nerfstudio's file that says how the splat's world lies to the cameras'. `given`: the cameras, where Blender has
+    read them.
     """
     path = model_of(path)
-    finder, read, found = PhotoFinder(path, photos), datasets.starts(path), []
+    finder, read, found = PhotoFinder(path, photos), given or datasets.starts(path), []
     starts = read.placed
     if world is not None:
         moved = read_training_world(world)
@@ -121,7 +125,8 @@ class CameraImport(Job):
     def __init__(
         self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool, world: Path | None = None
     ) -> None:
-        super().__init__(partial(read_incoming, path, photos, world))
+        given = alembic.read(path) if alembic.is_alembic(path) else None
+        super().__init__(partial(read_incoming, path, photos, world, given))
         self.step = n_("Reading cameras and photos")
         self.made = self.shown = self.left_out = 0
         self.unfit: list[str] = []

@@ -13,7 +13,7 @@ from .parts import begins
 KINDS: tuple[tuple[tuple[str, ...], str, str], ...] = (
     (("<document", "{projectname}.files/"), "a Metashape project", "export its cameras as XML"),
     (("<document", "{projectname}.files\\"), "a Metashape project", "export its cameras as XML"),
-    (("Ogawa",), "an Alembic file", "import it in Blender, whose cameras can be refined"),
+    (("Ogawa",), "an Alembic file", "import it in Blender with File > Import > Photo Cameras"),
 )
 # What only the name tells, because such a file is an archive like any other.
 SUFFIXES = {
@@ -31,7 +31,7 @@ SUFFIXES = {
     ".usd": ("a USD file", "import it in Blender, whose cameras can be refined"),
     ".usda": ("a USD file", "import it in Blender, whose cameras can be refined"),
     ".usdc": ("a USD file", "import it in Blender, whose cameras can be refined"),
-    ".abc": ("an Alembic file", "import it in Blender, whose cameras can be refined"),
+    ".abc": ("an Alembic file", "import it in Blender with File > Import > Photo Cameras"),
 }
 
 
