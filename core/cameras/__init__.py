@@ -181,6 +181,7 @@ def _known(path: Path) -> str:
         if not path.exists():
             raise DatasetError(f"There is nothing at '{path}'; check the path.")
         raise DatasetError(
-            f"'{path}' is no folder of poses; it should hold TestSplit.txt, dataset_test.txt, images.txt or transforms.json."
+            f"'{path}' is no folder of poses; it should hold TestSplit.txt, dataset_test.txt, images.txt, images.bin, "
+            "transforms.json, a capture of Polycam or Record3D, or XMP files of RealityCapture."
         )
     return layout

@@ -151,6 +151,29 @@ BAD = {
         "is a RealityCapture project, which is not read; export internal and external parameters as CSV, or XMP files",
     ),
     "zephyr, project": (lambda p: put(p / "a.ZEP", b"PK\3\4"), "is a 3DF Zephyr project, which is not read; export"),
+    "blocksexchange": (
+        lambda p: put(p / "a.xml", "<?xml version='1.0'?>\n<BlocksExchange><Block/></BlocksExchange>"),
+        "is a BlocksExchange file, which is not read; export the cameras as Metashape's XML, Bundler or COLMAP",
+    ),
+    "another xml": (
+        lambda p: put(p / "a.kml", "<?xml version='1.0'?><kml/>"),
+        "of a kind that is not known, which is not read",
+    ),
+    "a scan": (
+        lambda p: put(p / "a.ply", b"ply\nformat ascii 1.0\n"),
+        "is a scan or a mesh, which is not read; give a file of",
+    ),
+    "a photo": (lambda p: put(p / "a.JPG", b"\xff\xd8\xff"), "is a picture, which is not read; give a file of cameras"),
+    "an archive": (lambda p: put(p / "a.zip", b"PK\3\4"), "is an archive, which is not read; unpack it"),
+    "colmap, cameras": (
+        lambda p: put(p / "cameras.txt", "# Camera list with one line of data per camera:\n1 PINHOLE 64 48 60 60 32 24\n"),
+        "is one file of a COLMAP model, which is not read; give the model's folder",
+    ),
+    "colmap, points": (
+        lambda p: put(p / "points3D.bin", b"\0\1"),
+        "is one file of a COLMAP model, which is not read; give the",
+    ),
+    "a table": (lambda p: put(p / "a.csv", "name;x;y\n"), "is in no layout of cameras that is known; a pose list has lines of"),
     "metashape, no matrix": (lambda p: metashape(p, camera="1 2 3"), "The camera 'a.jpg' .* transform that is not 16 numbers"),
     "metashape, no xml": (lambda p: put(p / "a.xml", "<document><chunk>"), "no valid XML"),
     "metashape, entities": (
