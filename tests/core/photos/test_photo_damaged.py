@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from core.cli.main import main
 from core.errors import PhotoError
 from core.photos.photo import read_photo
 
@@ -57,3 +58,21 @@ def test_a_png_that_is_cut_off_or_damaged_says_so(tmp_path):
     text = good[:33] + b"\0\0\0\3tEXta\0b\0\0\0\0" + good[33:]
     file.write_bytes(text)
     assert read_photo(file).pixels.shape == picture().shape, "a wrong sum elsewhere does no harm"
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".png", ".webp", ".avif"])
+def test_refine_says_one_sentence_of_a_damaged_photo(tmp_path, capfd, suffix):
+    ok, coded = cv2.imencode(suffix, np.random.default_rng(0).integers(0, 255, (60, 80, 3), np.uint8))
+    assert ok
+    data = bytearray(coded.tobytes())
+    data[len(data) // 2 :] = b"\xa5" * len(data[len(data) // 2 :])
+    file = tmp_path / f"x{suffix}"
+    file.write_bytes(bytes(data))
+    try:
+        read_photo(file)
+    except PhotoError as error:
+        assert main(["refine", str(tmp_path / "scan.ply"), str(file)]) == 2
+        written = capfd.readouterr()
+        assert written.out == "" and written.err.strip() == str(error)
+        return
+    pytest.skip("this decoder reads it all the same")
