@@ -42,6 +42,7 @@ __all__ = [
     "match_names",
     "queries",
     "read",
+    "read_usable",
     "short",
     "starts",
 ]
@@ -114,10 +115,15 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     """The poses at `path`. `split` matters to layouts that have one. Raises DatasetError or CameraError, also where only one of
     the records cannot be used.
     """
-    found = LAYOUTS[_known(path)].read(path, split)
+    found = read_usable(path, split)
     if found.bad:
         raise DatasetError(found.bad[0])
     return found
+
+
+def read_usable(path: Path, split: Split = "test") -> PoseSet:
+    """As `read`; records that cannot be used are left out, and told of in the set's `notes`."""
+    return LAYOUTS[_known(path)].read(path, split)
 
 
 def camera_file(path: Path) -> CameraFile:
