@@ -104,7 +104,7 @@ def test_other_json_beside_a_scan_is_no_cameras_and_damaged_cameras_are_said(tmp
     assert cameras_beside(tmp_path / "splat.ply") is None
     damaged = records()
     for record in damaged:
-        del record["position"]
+        record["position"] = None
     write(tmp_path / "cameras.json", damaged)
     assert cameras_beside(tmp_path / "splat.ply") is None
     assert "cannot be used" in caplog.text
