@@ -6,6 +6,7 @@ made is kept by session id.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Generator
 from dataclasses import dataclass, replace
@@ -34,6 +35,8 @@ from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import alembic
 from . import bridge as camera_bridge
+
+log = logging.getLogger(__name__)
 
 COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")
 SLICE_S = 0.05  # How much of each tick is used; a photo that has to be rotated may take longer.
@@ -229,7 +232,13 @@ class CameraImport(Job):
 
 
 def _image(file: Path, turned: bool) -> bpy.types.Image:
-    """The photo upright: Blender's own image unless EXIF turns it. Blender decodes it when it first shows it."""
-    return (
-        photo_image.load_image(str(file), read_photo(file)) if turned else bpy.data.images.load(str(file), check_existing=True)
-    )
+    """The photo upright: Blender's own image, which it decodes when it first shows it, unless EXIF turns the photo or Blender
+    cannot read its kind.
+    """
+    if turned or file.suffix.lower() not in photo_image.READ_BY_BLENDER:
+        try:
+            return photo_image.load_image(str(file), read_photo(file))
+        except PhotoError as error:
+            # The header could be read and the pixels cannot, which must not cost the other cameras.
+            log.warning("%s", error)
+    return bpy.data.images.load(str(file), check_existing=True)

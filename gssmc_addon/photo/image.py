@@ -20,6 +20,8 @@ from ..support.texts import rpt_
 log = logging.getLogger(__name__)
 
 FILE_KEY = "gssmc_file"
+# Kinds of files that every Blender shows; of others (AVIF, HEIC, JPEG XL, raw photos) a copy is made.
+READ_BY_BLENDER = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".exr")
 # Of a background image: frame method, offset x and y, scale, rotation, flips along x and y.
 STRAIGHT = ("FIT", 0.0, 0.0, 1.0, 0.0, False, False)
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows

@@ -83,3 +83,23 @@ def test_one_bad_record_leaves_the_others_to_import_and_to_add_folder(bpy, scene
     assert scene.camera.name == "a"
     assert bpy.ops.gssmc.add_photo_folder(directory=str(photos), camera_file=str(file)) == {"FINISHED"}
     assert [row.camera is not None for row in scene.gssmc.photos] == [True, False, False]
+
+
+def test_a_photo_that_blender_cannot_read_is_shown_as_a_copy_and_a_damaged_one_costs_no_other(bpy, scene, tmp_path):
+    from photo_files import LONG, SHORT, TiffFile, encoded, exif, picture
+
+    file = TiffFile()
+    thumbnail = file.directory(file.strip(picture(12, 16), t254=1))
+    file.follow(thumbnail, file.directory({**file.strip(picture(48, 64)), 254: (LONG, (0,))}))
+    (tmp_path / "a.dng").write_bytes(bytes(file.data))
+    damaged = bytearray(encoded(".png", picture(48, 64), exif({0x0112: (SHORT, 3)})))
+    damaged[damaged.index(b"IDAT") + 20] ^= 1
+    (tmp_path / "b.png").write_bytes(bytes(damaged))
+    lens = {"width": 64, "height": 48, "fx": 80, "fy": 80, "cx": 32, "cy": 24}
+    frames = [{**lens, "R": np.eye(3).tolist(), "t": [0, 0, 2], "file": name} for name in ("a.DNG", "b.png")]
+    (tmp_path / "cameras.json").write_text(json.dumps({"frames": frames}))
+    assert bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "cameras.json")) == {"FINISHED"}
+    image = scene.camera.data.background_images[0].image
+    assert tuple(image.size) == (64, 48)
+    shown = np.array(image.pixels).reshape(48, 64, 4)[::-1, :, :3] * 255
+    np.testing.assert_allclose(shown, picture(48, 64), atol=1)
