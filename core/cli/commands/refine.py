@@ -38,7 +38,7 @@ from ..result import put_result
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("refine", help="find the exact camera of one photo from a rough start, or without one")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
-    parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
+    parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP, AVIF, and those of docs/formats.md)")
     start = "the start: rough pose, and lens where known; without it, or without a pose in it, the photo is searched for"
     parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=f"{start}; {CAMERAS_HELP}")
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
