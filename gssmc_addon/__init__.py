@@ -31,6 +31,7 @@ from ..operators import (
     same_lens,
     set_mask,
     set_masks,
+    track_plate,
     undistort_photo,
     up_axis,
 )
@@ -75,6 +76,7 @@ _class_modules = (
     report_problem,
     reset_settings,
     add_plate,
+    track_plate,
     refine_sequence,
     panels,
     photo_panel,

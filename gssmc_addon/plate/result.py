@@ -14,9 +14,9 @@ def write(job: SequenceJob) -> tuple[str, bool]:
 
     Raises GssmcError, with nothing written, when no frame is good or something was removed.
     """
-    scene, splat, camera = job.find()
+    scene, splat, camera = job.targets.find()
     cameras = job.path()
-    camera_keys.write(scene, camera, splat, cameras, job.options.key_lens)
+    camera_keys.write(scene, camera, splat, cameras, camera_keys.KeyOptions(job.options.key_lens))
     seconds = sum(report.seconds for report in job.reports.values())
     trusted = not job.bad and not job.doubtful
     solved = job.options.key_lens and job.settings.lens != "fixed"
