@@ -19,7 +19,7 @@ from ...track.file import track_to_dict
 from ...track.journal import read_found, write_found
 from ..console import message, say
 from ..dropped import say_dropped
-from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, number, settings_from
+from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
 from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome
 from ..paths import check_outputs
@@ -46,7 +46,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     smooth = "take out wiggles of the camera shorter than this many frames (0: none)"
     parser.add_argument("--smooth", type=number, default=0.0, metavar="FRAMES", help=smooth)
     size = "frames are matched at this length of their longer side, pixels (640)"
-    parser.add_argument("--track-long-side", type=int, default=640, metavar="PX", help=size)
+    parser.add_argument("--track-long-side", type=whole_number, default=640, metavar="PX", help=size)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser)
     return parser
