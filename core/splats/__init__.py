@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import SplatFormatError
-from . import gltf, splat
+from . import gltf, ksplat, splat
 from .format import SplatFormat, SplatInfo
 from .ply import compressed as ply_compressed
 from .ply import mip as ply_mip
@@ -40,6 +40,7 @@ FORMATS: tuple[SplatFormat, ...] = (
     spz.FORMAT,
     sog.FORMAT,
     gltf.FORMAT,
+    ksplat.FORMAT,
     splat.FORMAT,
 )
 SUFFIXES = tuple(dict.fromkeys(found.suffix for found in FORMATS))

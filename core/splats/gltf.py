@@ -2,7 +2,8 @@
 
 POSITION, and with the extension's name before them ROTATION (x y z w), SCALE (linear), OPACITY (0..1) and SH_DEGREE_l_COEF_n,
 of which degree 0 is f_dc. Numbers may be normalised integers. What several primitives hold is put together, each moved as its
-node says. Axes: y up, as all of glTF.
+node says. Axes: y up, as all of glTF. With KHR_gaussian_splatting_compression_spz (or ..._spz_2) a primitive is a whole .spz
+file, whose axes (x right, y up, z back) its loader turns to glTF's (x left, y up, z front) as that extension says.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import binascii
 import json
 import struct
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +24,10 @@ from ..errors import CameraError, SplatFormatError
 from ..geometry.camera import FloatArray
 from ..geometry.conventions import Orientation, Similarity
 from ..geometry.quaternion import rotations_of
-from .activate import SceneBuilder
 from .format import Progress, SplatFormat, SplatInfo
 from .scene import SH_COEFFICIENTS, Float32Array, GaussianScene
+from .spz import reader as spz
+from .spz.payload import read_spz_header
 from .transform import transformed
 
 NAME = "glTF"
@@ -33,6 +36,8 @@ EXTENSION = "KHR_gaussian_splatting"
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 KINDS = {5120: ("<i1", 127), 5121: ("<u1", 255), 5122: ("<i2", 32767), 5123: ("<u2", 65535), 5126: ("<f4", 1)}
 COMPONENTS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+COMPRESSIONS = (f"{EXTENSION}_compression_spz", f"{EXTENSION}_compression_spz_2")
+FROM_SPZ = np.diag([-1.0, 1.0, -1.0, 1.0])
 MAX_DEGREE, MAX_DEPTH = 3, 64
 FAULTS = (KeyError, IndexError, TypeError, ValueError, OverflowError, AttributeError, RecursionError, struct.error, CameraError)
 
@@ -57,13 +62,24 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     model = _Model(Path(path))
     parts = list(model.parts())
     degree = max(part.degree for part in parts)
-    builder = SceneBuilder(sum(part.count for part in parts), SH_COEFFICIENTS[degree])
+    scenes = []
     for number, part in enumerate(parts, 1):
-        scene = part.scene(degree)
-        builder.add_activated(scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh)
+        scenes.append(part.scene(degree))
         if progress is not None:
             progress(number / len(parts))
-    return builder.scene(NAME, ORIENTATION)
+    return _together(scenes)
+
+
+def _together(scenes: list[GaussianScene]) -> GaussianScene:
+    """One scene of several with as many SH coefficients each. Raises SplatFormatError."""
+    joined = scenes[0]
+    if len(scenes) > 1:
+        names = ("means", "scales", "rotations", "opacities", "sh")
+        m, s, r, o, h = (np.concatenate([getattr(one, name) for one in scenes]) for name in names)
+        joined = GaussianScene(m, s, r, o, h)
+    dropped, antialiased = sum(one.dropped for one in scenes), any(one.antialiased for one in scenes)
+    checked = replace(joined, format=NAME, orientation=ORIENTATION, antialiased=antialiased).checked()
+    return replace(checked, dropped=checked.dropped + dropped)
 
 
 class _Model:
@@ -72,7 +88,7 @@ class _Model:
     def __init__(self, path: Path) -> None:
         self._folder = path.parent
         data = path.read_bytes()
-        self._binary = b""
+        self._binary, self._buffers = b"", dict[int, bytes]()
         try:
             self.json = json.loads(self._chunks(data) if data.startswith(MAGIC) else data)
             if not isinstance(self.json, dict):
@@ -93,7 +109,7 @@ class _Model:
             at += 8 + size
         return text
 
-    def parts(self) -> Iterator[_Primitive]:
+    def parts(self) -> Iterator[_Part]:
         """The primitives that hold Gaussians. Raises SplatFormatError where there is none, or one that is not understood."""
         found = False
         try:
@@ -103,17 +119,31 @@ class _Model:
                     extension = primitive.get("extensions", {}).get(EXTENSION)
                     if extension is None:
                         continue
-                    if extension.get("extensions"):
-                        name = next(iter(extension["extensions"]))
-                        raise SplatFormatError(
-                            f"The Gaussians of the glTF file are compressed ({name:.60}); export it without."
-                        )
-                    yield _Primitive(self, primitive["attributes"], matrix)
+                    yield self._part(primitive, extension, matrix)
                     found = True
         except FAULTS:
             raise _damaged() from None
         if not found:
             raise SplatFormatError(f"The glTF file holds no Gaussian splats ({EXTENSION}); choose a splat file.")
+
+    def _part(self, primitive: Mapping[str, Any], extension: Mapping[str, Any], matrix: FloatArray) -> _Part:
+        inner = extension.get("extensions") or {}
+        name = next((name for name in inner if name in COMPRESSIONS), None)
+        if name is not None:
+            return _SpzPrimitive(self.view(inner[name]["bufferView"]), matrix)
+        if inner and "bufferView" not in self.json["accessors"][primitive["attributes"]["POSITION"]]:
+            name = next(iter(inner))
+            raise SplatFormatError(f"The Gaussians of the glTF file are compressed ({name:.60}); export it without.")
+        return _Primitive(self, primitive["attributes"], matrix)
+
+    def view(self, number: int) -> bytes:
+        """The bytes of a buffer view. Raises ValueError and the like where the file does not hold as many."""
+        view = self.json["bufferViews"][number]
+        start, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
+        data = self._buffer(view["buffer"])
+        if min(start, length) < 0 or start + length > len(data):
+            raise ValueError
+        return bytes(data[start : start + length])
 
     def _placed(self, meshes: int) -> Iterator[tuple[int, FloatArray]]:
         """(mesh, matrix) of each node with a mesh; of a file without nodes, all meshes as they are."""
@@ -163,7 +193,11 @@ class _Model:
         return raw, most if one.get("normalized") else 1
 
     def _buffer(self, number: int) -> bytes:
-        uri: str | None = self.json["buffers"][number].get("uri")
+        if number not in self._buffers:
+            self._buffers[number] = self._loaded(self.json["buffers"][number].get("uri"))
+        return self._buffers[number]
+
+    def _loaded(self, uri: str | None) -> bytes:
         if uri is None:
             return self._binary
         if uri.startswith("data:"):
@@ -191,13 +225,13 @@ class _Primitive:
         """Its Gaussians, with as many SH coefficients as `degree` has. Raises SplatFormatError."""
         try:
             means = self._model.values(self._attributes["POSITION"], "VEC3")
-            rotations = self._own("ROTATION", "VEC4")[:, [3, 0, 1, 2]]
+            rotations = _unit(self._own("ROTATION", "VEC4")[:, [3, 0, 1, 2]])
             scales, opacities = self._own("SCALE", "VEC3"), self._own("OPACITY", "SCALAR")[:, 0]
             sh = np.zeros((self.count, SH_COEFFICIENTS[degree], 3), np.float32)
             for band in range(self.degree + 1):
                 for n in range(2 * band + 1):
                     sh[:, band * band + n] = self._own(f"SH_DEGREE_{band}_COEF_{n}", "VEC3")
-            arrays = (means, scales, np.ascontiguousarray(rotations), np.ascontiguousarray(opacities), sh)
+            arrays = (means, scales, rotations, np.ascontiguousarray(opacities), sh)
         except FAULTS:
             raise _damaged() from None
         scene = GaussianScene(*arrays, orientation=ORIENTATION)
@@ -205,6 +239,31 @@ class _Primitive:
 
     def _own(self, name: str, kind: str) -> Float32Array:
         return self._model.values(self._attributes[f"{EXTENSION}:{name}"], kind)
+
+
+class _SpzPrimitive:
+    """One primitive that is an .spz file as a whole."""
+
+    def __init__(self, data: bytes, matrix: FloatArray) -> None:
+        header = read_spz_header(data)
+        self._data, self._move = data, Similarity.from_matrix(matrix @ FROM_SPZ)
+        self.count, self.degree = header.count, min(header.degree, MAX_DEGREE)
+
+    def scene(self, degree: int) -> GaussianScene:
+        """As `_Primitive.scene`."""
+        scene = transformed(spz.read_source(self._data), self._move, ORIENTATION)
+        rest = SH_COEFFICIENTS[degree] - scene.sh.shape[1]
+        return replace(scene, sh=np.pad(scene.sh, ((0, 0), (0, rest), (0, 0)))) if rest else scene
+
+
+_Part = _Primitive | _SpzPrimitive
+
+
+def _unit(rotations: Float32Array) -> Float32Array:
+    """Quaternions (n, 4) made unit, for integers round them; one of length 0 becomes NaN."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        lengths = np.sqrt(np.einsum("ij,ij->i", rotations, rotations, dtype=np.float64))
+        return np.ascontiguousarray(rotations / lengths[:, None], np.float32)
 
 
 def _matrix(node: Mapping[str, Any]) -> FloatArray:

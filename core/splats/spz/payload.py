@@ -8,6 +8,7 @@ attribute that is not empty.
 from __future__ import annotations
 
 import gzip
+import io
 import os
 import struct
 import zlib
@@ -53,6 +54,9 @@ MIN_WINDOW = 1 << 23
 ORIENTATION: Orientation = "Y_UP"  # x right, y up, z back (RUB)
 
 
+Source = Path | bytes
+
+
 @dataclass(frozen=True)
 class SpzHeader:
     """`bits` is the number of fractional bits of positions, `streams` the sizes in version 4's table, at byte `toc`."""
@@ -85,9 +89,14 @@ def first_bytes(header: bytes) -> bytes:
     return plain if plain.startswith(MAGIC) else b""
 
 
-def read_spz_header(path: Path) -> SpzHeader:
+def opened(source: Source) -> IO[bytes]:
+    """The bytes of a file, or those given, to be read."""
+    return io.BytesIO(source) if isinstance(source, bytes) else open(source, "rb")
+
+
+def read_spz_header(source: Source) -> SpzHeader:
     """The header, its numbers checked. Raises SplatFormatError."""
-    with open(path, "rb") as file:
+    with opened(source) as file:
         start = file.read(1 << 12)
         plain = first_bytes(start)
         if len(plain) < HEADER.size:
@@ -111,7 +120,7 @@ def _read_table(file: IO[bytes], header: SpzHeader, extended: bool, streams: int
     file.seek(0)
     start = file.read(HEADER_V4.size)
     toc = HEADER_V4.unpack(start)[-1] if len(start) == HEADER_V4.size else 0
-    size = os.fstat(file.fileno()).st_size
+    size = file.seek(0, os.SEEK_END)
     if toc < HEADER_V4.size or streams != len(wanted) or toc + streams * TOC_ENTRY.size > size:
         raise SplatFormatError(f"The .spz file's table of {streams} streams does not fit its header; it is damaged.")
     declared = _declared_orientation(file, toc) if extended else None
@@ -212,22 +221,23 @@ class _Part:
 
 
 @contextmanager
-def open_payload(path: Path, header: SpzHeader) -> Iterator[Payload]:
-    """The attributes of a file, which are unpacked once, while they are read. Whoever reads them believes the header's count
-    only once the first attribute has come, and asks `check_end` at the end.
+def open_payload(source: Source, header: SpzHeader) -> Iterator[Payload]:
+    """The attributes of a file, or of its bytes, which are unpacked once, while they are read. Whoever reads them believes the
+    header's count only once the first attribute has come, and asks `check_end` at the end.
 
     Raises SplatFormatError when they are cut off, damaged, or suspiciously many for the file's size.
     """
     if header.version == 4 and zstandard is None:
         raise SplatFormatError("The .spz file is of version 4, which needs Python's zstandard module; export it as version 3.")
-    need, size = header.count * sum(header.widths), path.stat().st_size
+    size = len(source) if isinstance(source, bytes) else source.stat().st_size
+    need = header.count * sum(header.widths)
     if need > max(MAX_EXPANSION * size, ALWAYS_ALLOWED):
         raise SplatFormatError(
             f"The .spz file promises {counted(header.count, 'Gaussian')} in {counted(size, 'byte')}, too many to be "
             "a scan; it is damaged."
         )
     errors = (EOFError, zlib.error, gzip.BadGzipFile, *((zstandard.ZstdError,) if zstandard is not None else ()))
-    with open(path, "rb") as file:
+    with opened(source) as file:
         try:
             yield Payload(file, header)
         except errors:
