@@ -36,8 +36,10 @@ def is_scene(out: Path) -> bool:
     return out.name.lower().endswith((*WRITERS, *UNWRITTEN))
 
 
-def convert_scene(scene_file: Path, out: Path) -> None:
-    """Writes the scan in the format that the name of `out` tells. Raises SplatFormatError, UsageError."""
+def convert_scene(scene_file: Path, out: Path, level: int = 0) -> None:
+    """Writes the scan, of a streamed one the `level`, in the format that the name of `out` tells. Raises SplatFormatError,
+    UsageError.
+    """
     name = out.name.lower()
     ending = next((one for one in WRITERS if name.endswith(one)), None)
     if ending is None:
@@ -45,7 +47,7 @@ def convert_scene(scene_file: Path, out: Path) -> None:
             f"'{out.suffix}' files are not written; write .ply, and turn that into {out.suffix} with splat-transform."
         )
     check_outputs({"OUT": out}, {"the scan": scan_files(scene_file) if scene_file.exists() else scene_file})
-    scene = read_splats(scene_file)
+    scene = read_splats(scene_file, level=level)
     say_dropped(scene)
     orientation, write = WRITERS[ending]
     if scene.orientation != orientation:

@@ -21,7 +21,7 @@ class GSSMC_FH_splats(bpy.types.FileHandler):
     bl_idname = "GSSMC_FH_splats"
     bl_label = "Gaussian Splats"
     bl_import_operator = "gssmc.import_splats"
-    bl_file_extensions = ";".join(SUFFIXES)
+    bl_file_extensions = ";".join(suffix for suffix in SUFFIXES if suffix.startswith("."))
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context) -> bool:

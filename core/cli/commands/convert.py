@@ -22,7 +22,7 @@ from ...support.words import counted
 from ..console import message, say
 from ..convert_scene import WRITERS as SCENE_WRITERS
 from ..convert_scene import convert_scene, is_scene
-from ..flags import CAMERAS_HELP, SCENE_HELP, add_axes_flag
+from ..flags import CAMERAS_HELP, SCENE_HELP, add_axes_flag, whole_number
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 
@@ -36,6 +36,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     scenes = ", ".join(SCENE_WRITERS)
     parser.add_argument("out", type=Path, help=f"file or, for COLMAP, folder to write; for a scan a file ending in {scenes}")
     parser.add_argument("--to", choices=list(WRITERS), help="layout of OUT (by its ending: .json, .txt = poses, none = colmap)")
+    level = "of a streamed scan: the level that is written, 0 = the finest (0)"
+    parser.add_argument("--level", type=whole_number, default=0, metavar="N", help=level)
     scan = "the splat file that the cameras belong to: they are written in its coordinates, or as --to-axes says"
     parser.add_argument("--scan", type=Path, metavar="SCENE", help=scan)
     add_axes_flag(parser)
@@ -49,7 +51,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> Outcome:
     if args.to is None and is_scene(args.out):
-        convert_scene(args.cameras, args.out)
+        convert_scene(args.cameras, args.out, args.level)
         return Outcome(OK)
     layout = args.to or SUFFIXES.get(args.out.suffix.lower())
     if layout is None:

@@ -47,14 +47,13 @@ class SogFiles:
         """The pixels (N, 4) of a picture, red green blue alpha, row by row from the top; N >= `at_least`."""
         return self.picture(name, at_least).reshape(-1, 4)
 
+    def check_size(self, name: Any, at_least: int) -> None:
+        """Raises SplatFormatError unless the picture claims so many pixels."""
+        self._content_of(name, at_least)
+
     def picture(self, name: Any, at_least: int) -> Bytes:
         """As `pixels`, as a picture (H, W, 4)."""
-        if not isinstance(name, str) or not name or "/" in name or "\\" in name:
-            raise SplatFormatError(f"The {META} of the SOG scene names its pictures wrongly; export the scene again.")
-        data = self._content(name, LARGEST_FILE)
-        size = _size(data)
-        if size is None or not at_least <= size[0] * size[1] <= LARGEST_PICTURE:
-            raise SplatFormatError(f"The picture '{name}' of the SOG scene is damaged or too small; export the scene again.")
+        data, size = self._content_of(name, at_least)
         try:
             raw: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error:
@@ -66,6 +65,16 @@ class SogFiles:
             raw = np.repeat(raw[..., :1], 3, axis=2)
         alpha = raw[..., 3:4] if raw.shape[2] > 3 else np.full_like(raw[..., :1], 255)
         return np.concatenate([raw[..., 2::-1], alpha], axis=2)
+
+    def _content_of(self, name: Any, at_least: int) -> tuple[bytes, tuple[int, int]]:
+        """The bytes of a picture, and its (width, height) by its header."""
+        if not isinstance(name, str) or not name or "/" in name or "\\" in name:
+            raise SplatFormatError(f"The {META} of the SOG scene names its pictures wrongly; export the scene again.")
+        data = self._content(name, LARGEST_FILE)
+        size = _size(data)
+        if size is None or not at_least <= size[0] * size[1] <= LARGEST_PICTURE:
+            raise SplatFormatError(f"The picture '{name}' of the SOG scene is damaged or too small; export the scene again.")
+        return data, size
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from ...geometry.conventions import Orientation
 from ..activate import SceneBuilder
 from ..format import Progress, SplatFormat, SplatInfo
 from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
-from .container import META, STREAMED, ZIP_MAGIC, Bytes, SogFiles, open_files
+from .container import META, ZIP_MAGIC, Bytes, SogFiles, open_files
 
 ORIENTATION: Orientation = "Y_DOWN"
 LARGEST_COUNT = 1 << 28
@@ -36,14 +36,14 @@ def detect(header: bytes) -> bool:
 
 
 def is_folder(path: Path) -> bool:
-    """Whether a folder holds a scene, whole or streamed."""
-    return (path / META).is_file() or (path / STREAMED).is_file()
+    """Whether a folder holds a scene."""
+    return (path / META).is_file()
 
 
 def inspect(path: str | Path) -> SplatInfo:
     """What meta.json says. Raises SplatFormatError."""
-    with open_files(_checked(Path(path))) as files:
-        layout = _Layout(files.meta())
+    with open_files(Path(path)) as files:
+        layout = Layout(files.meta())
         return SplatInfo(layout.name, layout.count, layout.degree(files), ORIENTATION)
 
 
@@ -51,9 +51,9 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     """The scene at `path`: an archive, a folder, or its meta.json. `progress` is called with a fraction 0..1 and may raise to
     stop the reading. Raises SplatFormatError, and OSError from the file system.
     """
-    with open_files(_checked(Path(path))) as files:
-        layout = _Layout(files.meta())
-        n, table = layout.count, _Pictures(files, layout)
+    with open_files(Path(path)) as files:
+        layout = Layout(files.meta())
+        n, table = layout.count, Pictures(files, layout)
         builder = SceneBuilder(n, SH_COEFFICIENTS[table.degree])
         for start in range(0, n, CHUNK_ROWS):
             builder.add_activated(*table.rows(slice(start, min(start + CHUNK_ROWS, n))))
@@ -62,15 +62,7 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     return builder.scene(layout.name, ORIENTATION, antialiased=layout.antialiased)
 
 
-def _checked(path: Path) -> Path:
-    if (path.is_dir() and not (path / META).is_file()) or path.name == STREAMED:
-        raise SplatFormatError(
-            "This is a streamed SOG scene in many parts; choose the meta.json of one part, or export the scene as one .sog."
-        )
-    return path
-
-
-class _Layout:
+class Layout:
     """What meta.json says of one scene, its numbers checked. Raises SplatFormatError."""
 
     def __init__(self, meta: dict[str, Any]) -> None:
@@ -138,10 +130,10 @@ class _Layout:
         return SplatFormatError(f"The {META} of the SOG scene lacks a usable '{what}'; export the scene again.")
 
 
-class _Pictures:
+class Pictures:
     """The pictures of a scene, decoded, and what their bytes mean."""
 
-    def __init__(self, files: SogFiles, layout: _Layout) -> None:
+    def __init__(self, files: SogFiles, layout: Layout) -> None:
         n, self.degree, self._version = layout.count, layout.degree(files), layout.version
         lower, upper = layout.files("means", 2)[:2]
         self._lower, self._upper = files.pixels(lower, n), files.pixels(upper, n)

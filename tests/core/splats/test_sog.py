@@ -1,7 +1,6 @@
 """SOG scenes: another program's own file against its own reading, version 1 by hand, folders, and damaged ones."""
 
 import json
-import shutil
 import zipfile
 from pathlib import Path
 
@@ -134,15 +133,11 @@ def test_a_bad_scene_ends_in_one_sentence(folder, case):
     assert str(caught.value).endswith(".") and "\n" not in str(caught.value)
 
 
-def test_other_archives_and_streamed_scenes_are_named(tmp_path, folder):
+def test_other_archives_are_named(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("notes.txt", "hello")
     with pytest.raises(SplatFormatError, match=r"holds no 'meta.json', so it is no SOG scene"):
         read_splats(tmp_path / "a.zip")
-    shutil.move(folder / "meta.json", folder / "lod-meta.json")
-    for path in (folder, folder / "lod-meta.json"):
-        with pytest.raises(SplatFormatError, match=r"streamed SOG scene in many parts; choose the meta.json of one part"):
-            read_splats(path)
 
 
 def test_damaged_archives_end_in_a_scene_or_one_sentence(tmp_path):
