@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import SplatFormatError
-from . import gltf, ksplat, splat
+from . import gltf, ksplat, splat, usd
 from .format import SplatFormat, SplatInfo
 from .ply import compressed as ply_compressed
 from .ply import mip as ply_mip
@@ -39,6 +39,7 @@ FORMATS: tuple[SplatFormat, ...] = (
     ply_2dgs.FORMAT,
     ply.FORMAT,
     spz.FORMAT,
+    usd.FORMAT,
     streamed.FORMAT,
     sog.FORMAT,
     gltf.FORMAT,

@@ -67,10 +67,10 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
         scenes.append(part.scene(degree))
         if progress is not None:
             progress(number / len(parts))
-    return _together(scenes)
+    return together(scenes, NAME, ORIENTATION)
 
 
-def _together(scenes: list[GaussianScene]) -> GaussianScene:
+def together(scenes: list[GaussianScene], name: str, orientation: Orientation) -> GaussianScene:
     """One scene of several with as many SH coefficients each. Raises SplatFormatError."""
     joined = scenes[0]
     if len(scenes) > 1:
@@ -78,7 +78,7 @@ def _together(scenes: list[GaussianScene]) -> GaussianScene:
         m, s, r, o, h = (np.concatenate([getattr(one, name) for one in scenes]) for name in names)
         joined = GaussianScene(m, s, r, o, h)
     dropped, antialiased = sum(one.dropped for one in scenes), any(one.antialiased for one in scenes)
-    checked = replace(joined, format=NAME, orientation=ORIENTATION, antialiased=antialiased).checked()
+    checked = replace(joined, format=name, orientation=orientation, antialiased=antialiased).checked()
     return replace(checked, dropped=checked.dropped + dropped)
 
 
@@ -225,7 +225,7 @@ class _Primitive:
         """Its Gaussians, with as many SH coefficients as `degree` has. Raises SplatFormatError."""
         try:
             means = self._model.values(self._attributes["POSITION"], "VEC3")
-            rotations = _unit(self._own("ROTATION", "VEC4")[:, [3, 0, 1, 2]])
+            rotations = unit(self._own("ROTATION", "VEC4")[:, [3, 0, 1, 2]])
             scales, opacities = self._own("SCALE", "VEC3"), self._own("OPACITY", "SCALAR")[:, 0]
             sh = np.zeros((self.count, SH_COEFFICIENTS[degree], 3), np.float32)
             for band in range(self.degree + 1):
@@ -259,7 +259,7 @@ class _SpzPrimitive:
 _Part = _Primitive | _SpzPrimitive
 
 
-def _unit(rotations: Float32Array) -> Float32Array:
+def unit(rotations: Float32Array) -> Float32Array:
     """Quaternions (n, 4) made unit, for integers round them; one of length 0 becomes NaN."""
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         lengths = np.sqrt(np.einsum("ij,ij->i", rotations, rotations, dtype=np.float64))

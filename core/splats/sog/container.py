@@ -80,9 +80,9 @@ class SogFiles:
 @contextmanager
 def open_files(path: Path) -> Iterator[SogFiles]:
     """The files of the scene at `path`: an archive, a folder, or the meta.json in one. Raises SplatFormatError, and OSError."""
-    if path.is_dir() or not _is_archive(path):
+    if not path.is_file() or not _is_archive(path):
         folder = path if path.is_dir() else path.parent
-        names = {META: path.name if path.is_file() else META}
+        names = {META: META if path.is_dir() else path.name}
         yield SogFiles(lambda name, most: _read(folder / names.get(name, name), most))
         return
     try:
