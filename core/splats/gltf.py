@@ -25,10 +25,12 @@ from ..geometry.camera import FloatArray
 from ..geometry.conventions import Orientation, Similarity
 from ..geometry.quaternion import rotations_of
 from .format import Progress, SplatFormat, SplatInfo
+from .parts import together, unit
 from .scene import SH_COEFFICIENTS, Float32Array, GaussianScene
 from .spz import reader as spz
 from .spz.payload import read_spz_header
 from .transform import transformed
+from .turn import half_turned
 
 NAME = "glTF"
 ORIENTATION: Orientation = "Y_UP"
@@ -37,8 +39,9 @@ MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 KINDS = {5120: ("<i1", 127), 5121: ("<u1", 255), 5122: ("<i2", 32767), 5123: ("<u2", 65535), 5126: ("<f4", 1)}
 COMPONENTS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 COMPRESSIONS = (f"{EXTENSION}_compression_spz", f"{EXTENSION}_compression_spz_2")
-FROM_SPZ = np.diag([-1.0, 1.0, -1.0, 1.0])
 MAX_DEGREE, MAX_DEPTH = 3, 64
+CHUNK_ROWS = 1 << 13
+Data = bytes | memoryview
 FAULTS = (KeyError, IndexError, TypeError, ValueError, OverflowError, AttributeError, RecursionError, struct.error, CameraError)
 
 
@@ -70,25 +73,13 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     return together(scenes, NAME, ORIENTATION)
 
 
-def together(scenes: list[GaussianScene], name: str, orientation: Orientation) -> GaussianScene:
-    """One scene of several with as many SH coefficients each. Raises SplatFormatError."""
-    joined = scenes[0]
-    if len(scenes) > 1:
-        names = ("means", "scales", "rotations", "opacities", "sh")
-        m, s, r, o, h = (np.concatenate([getattr(one, name) for one in scenes]) for name in names)
-        joined = GaussianScene(m, s, r, o, h)
-    dropped, antialiased = sum(one.dropped for one in scenes), any(one.antialiased for one in scenes)
-    checked = replace(joined, format=name, orientation=orientation, antialiased=antialiased).checked()
-    return replace(checked, dropped=checked.dropped + dropped)
-
-
 class _Model:
     """A glTF file: its JSON, and its buffers as they are asked for."""
 
     def __init__(self, path: Path) -> None:
         self._folder = path.parent
         data = path.read_bytes()
-        self._binary, self._buffers = b"", dict[int, bytes]()
+        self._binary, self._buffers = memoryview(b""), dict[int, Data]()
         try:
             self.json = json.loads(self._chunks(data) if data.startswith(MAGIC) else data)
             if not isinstance(self.json, dict):
@@ -104,8 +95,8 @@ class _Model:
         at, text = 12, b""
         while at + 8 <= length:
             size, kind = struct.unpack_from("<II", data, at)
-            chunk = data[at + 8 : at + 8 + size]
-            text, self._binary = (chunk, self._binary) if kind == JSON_CHUNK else (text, self._binary or chunk)
+            chunk = memoryview(data)[at + 8 : at + 8 + size]
+            text, self._binary = (bytes(chunk), self._binary) if kind == JSON_CHUNK else (text, self._binary or chunk)
             at += 8 + size
         return text
 
@@ -166,8 +157,7 @@ class _Model:
 
     def values(self, accessor: int, kind: str) -> Float32Array:
         """The numbers of an accessor (n, components)."""
-        raw, most = self.stored(accessor, kind)
-        return raw.astype(np.float32) if most == 1 else np.maximum(raw.astype(np.float32) / most, -1)
+        return _decoded(*self.stored(accessor, kind))
 
     def stored(self, accessor: int, kind: str) -> tuple[NDArray[Any], int]:
         """The numbers (n, components) as they lie in the file, and what to divide them by. Raises ValueError and the like where
@@ -192,12 +182,12 @@ class _Model:
         raw: NDArray[Any] = np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
         return raw, most if one.get("normalized") else 1
 
-    def _buffer(self, number: int) -> bytes:
+    def _buffer(self, number: int) -> Data:
         if number not in self._buffers:
             self._buffers[number] = self._loaded(self.json["buffers"][number].get("uri"))
         return self._buffers[number]
 
-    def _loaded(self, uri: str | None) -> bytes:
+    def _loaded(self, uri: str | None) -> Data:
         if uri is None:
             return self._binary
         if uri.startswith("data:"):
@@ -208,6 +198,11 @@ class _Model:
         if "/" in uri or "\\" in uri:
             raise SplatFormatError("The glTF file keeps its numbers in another folder; export it as .glb.")
         return (self._folder / uri).read_bytes()
+
+
+def _decoded(raw: NDArray[Any], most: int) -> Float32Array:
+    """Numbers as they are meant: normalised integers divided by their largest."""
+    return raw.astype(np.float32) if most == 1 else np.maximum(raw.astype(np.float32) / most, -1)
 
 
 class _Primitive:
@@ -227,15 +222,25 @@ class _Primitive:
             means = self._model.values(self._attributes["POSITION"], "VEC3")
             rotations = unit(self._own("ROTATION", "VEC4")[:, [3, 0, 1, 2]])
             scales, opacities = self._own("SCALE", "VEC3"), self._own("OPACITY", "SCALAR")[:, 0]
-            sh = np.zeros((self.count, SH_COEFFICIENTS[degree], 3), np.float32)
-            for band in range(self.degree + 1):
-                for n in range(2 * band + 1):
-                    sh[:, band * band + n] = self._own(f"SH_DEGREE_{band}_COEF_{n}", "VEC3")
+            sh = self._sh(degree)
             arrays = (means, scales, rotations, np.ascontiguousarray(opacities), sh)
         except FAULTS:
             raise _damaged() from None
-        scene = GaussianScene(*arrays, orientation=ORIENTATION)
+        scene = GaussianScene(*arrays, orientation=ORIENTATION).checked()
         return transformed(scene, self._move, ORIENTATION) if self._moved else scene
+
+    def _sh(self, degree: int) -> Float32Array:
+        """All SH coefficients (n, K, 3). Some thousand Gaussians at a time, so that their numbers stay in the cache."""
+        sh = np.zeros((self.count, SH_COEFFICIENTS[degree], 3), np.float32)
+        names = [f"SH_DEGREE_{band}_COEF_{n}" for band in range(self.degree + 1) for n in range(2 * band + 1)]
+        stored = [self._model.stored(self._attributes[f"{EXTENSION}:{name}"], "VEC3") for name in names]
+        if any(len(raw) != self.count for raw, _ in stored):
+            raise ValueError
+        for start in range(0, self.count, CHUNK_ROWS):
+            rows = slice(start, start + CHUNK_ROWS)
+            for k, (raw, most) in enumerate(stored):
+                sh[rows, k] = _decoded(raw[rows], most)
+        return sh
 
     def _own(self, name: str, kind: str) -> Float32Array:
         return self._model.values(self._attributes[f"{EXTENSION}:{name}"], kind)
@@ -246,24 +251,19 @@ class _SpzPrimitive:
 
     def __init__(self, data: bytes, matrix: FloatArray) -> None:
         header = read_spz_header(data)
-        self._data, self._move = data, Similarity.from_matrix(matrix @ FROM_SPZ)
+        self._data, self._move = data, Similarity.from_matrix(matrix)
+        self._moved = not np.allclose(matrix, np.eye(4), atol=1e-7)
         self.count, self.degree = header.count, min(header.degree, MAX_DEGREE)
 
     def scene(self, degree: int) -> GaussianScene:
         """As `_Primitive.scene`."""
-        scene = transformed(spz.read_source(self._data), self._move, ORIENTATION)
+        scene = half_turned(spz.read_source(self._data), "y", reuse=True)
+        scene = transformed(scene, self._move, ORIENTATION) if self._moved else scene
         rest = SH_COEFFICIENTS[degree] - scene.sh.shape[1]
         return replace(scene, sh=np.pad(scene.sh, ((0, 0), (0, rest), (0, 0)))) if rest else scene
 
 
 _Part = _Primitive | _SpzPrimitive
-
-
-def unit(rotations: Float32Array) -> Float32Array:
-    """Quaternions (n, 4) made unit, for integers round them; one of length 0 becomes NaN."""
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        lengths = np.sqrt(np.einsum("ij,ij->i", rotations, rotations, dtype=np.float64))
-        return np.ascontiguousarray(rotations / lengths[:, None], np.float32)
 
 
 def _matrix(node: Mapping[str, Any]) -> FloatArray:

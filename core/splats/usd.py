@@ -17,13 +17,14 @@ import numpy as np
 from ..errors import CameraError, SplatFormatError
 from ..geometry.conventions import Orientation, Similarity
 from .format import Progress, SplatFormat, SplatInfo
-from .gltf import together, unit
+from .parts import together, unit
 from .scene import SH_COEFFICIENTS, Float32Array, GaussianScene
 from .transform import transformed
 
 NAME = "OpenUSD"
 ORIENTATION: Orientation = "Y_UP"  # where a stage does not say
 PRIM = "ParticleField3DGaussianSplat"
+ENDINGS = (".usd", ".usda", ".usdc", ".usdz")  # which the library goes by
 BINARY, TEXT, ARCHIVE = b"PXR-USDC", b"#usda ", b"PK\x03\x04"
 INNER = (b".usdc", b".usda", b".usd")  # how the name of an archive's first file ends
 SH, DEGREE = "radiance:sphericalHarmonicsCoefficients", "radiance:sphericalHarmonicsDegree"
@@ -74,6 +75,8 @@ def _stage(path: Path) -> Iterator[Any]:
         ) from None
     with open(path, "rb"):
         pass  # What the file system refuses is its own error.
+    if path.suffix.lower() not in ENDINGS:
+        raise SplatFormatError(f"'{path.name}' is an OpenUSD file, whose name has to end in {', '.join(ENDINGS)}; rename it.")
     try:
         yield Usd.Stage.Open(str(path))
     except SplatFormatError:
@@ -145,8 +148,8 @@ class _Part:
         scene = GaussianScene(means, scales, rotations, np.ascontiguousarray(opacities[:, 0]), sh, orientation=orientation)
         matrix = np.array(UsdGeom.Xformable(self._prim).ComputeLocalToWorldTransform(Usd.TimeCode.EarliestTime())).T
         if np.allclose(matrix, np.eye(4), atol=1e-7):
-            return scene
-        return transformed(scene, Similarity.from_matrix(matrix), orientation)
+            return scene.checked()
+        return transformed(scene.checked(), Similarity.from_matrix(matrix), orientation)
 
 
 FORMAT = SplatFormat(NAME, ".usdc", ORIENTATION, detect, inspect, read)
