@@ -26,6 +26,7 @@ ORIENTATION: Orientation = "Y_DOWN"
 LARGEST_COUNT = 1 << 28
 CHUNK_ROWS = 1 << 16
 PALETTE_COLUMNS = 64
+LARGEST_PALETTE = (1 << 16) * 15  # pixels: as many entries as a label can name, each of degree 3
 FIRST_TAG = 252  # of the largest quaternion component
 Look = Callable[[Bytes], Float32Array]  # bytes (n, C) to values (n, C)
 
@@ -120,7 +121,7 @@ class Layout:
             return 0
         bands = self.part("shN").get("bands")
         if self.version == 1:
-            width = files.picture(self.files("shN", 2)[0], 1).shape[1]
+            width = files.picture(self.files("shN", 2)[0], 1, LARGEST_PALETTE).shape[1]
             bands = next((d for d in (1, 2, 3) if width == PALETTE_COLUMNS * (SH_COEFFICIENTS[d] - 1)), None)
         if bands not in (0, 1, 2, 3):
             raise self._lack("shN.bands")
@@ -144,7 +145,7 @@ class Pictures:
         if self.degree:
             centroids, labels = layout.files("shN", 2)[:2]
             self._labels = files.pixels(labels, n)
-            self._palette = self._entries(files.picture(centroids, 1), layout.look("shN", 3))
+            self._palette = self._entries(files.picture(centroids, 1, LARGEST_PALETTE), layout.look("shN", 3))
 
     def _entries(self, picture: Bytes, look: Look) -> Float32Array:
         """The palette (entries, K - 1, 3), and a last entry of zeros for labels beyond it."""

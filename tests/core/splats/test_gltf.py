@@ -109,8 +109,8 @@ def test_an_spz_inside_is_turned_to_the_axes_of_gltf(source, tmp_path, name):
     content, numbers = spz_model(source, tmp_path, name)
     scene, info = read_splats(gltf(tmp_path / "a.gltf", content, numbers)), inspect_splats(tmp_path / "a.gltf")
     inner = transformed(read_splats(tmp_path / "inner.spz"), Similarity(1.0, np.diag([-1.0, 1, -1]), np.zeros(3)), "Y_UP")
-    for name in ("means", "scales", "opacities", "sh"):
-        np.testing.assert_allclose(getattr(scene, name), getattr(inner, name), rtol=1e-5, atol=1e-5, err_msg=name)
+    for value in ("means", "scales", "opacities", "sh"):
+        np.testing.assert_allclose(getattr(scene, value), getattr(inner, value), rtol=1e-5, atol=1e-5, err_msg=value)
     np.testing.assert_allclose(shapes(scene), shapes(inner), rtol=1e-4, atol=1e-5)
     assert np.abs(scene.means - moved(source).means).max() < 1e-4
     assert (info.format, info.count, info.sh_degree, scene.orientation) == ("glTF", 24, 1, "Y_UP")
