@@ -15,7 +15,7 @@ from ..features.frontend import check_choice
 from ..pose.settings import RefineSettings
 from ..support.options import options_of
 
-SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz, .sog, .glb or .splat"
+SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz, .sog, .ksplat, .glb, .usdc or .splat"
 
 
 CAMERAS_HELP = "cameras: our JSON, COLMAP, nerfstudio and every other layout of docs/formats.md"

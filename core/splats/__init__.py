@@ -22,6 +22,7 @@ from .unknown import name_of
 
 __all__ = [
     "FORMATS",
+    "OTHER_SUFFIXES",
     "SUFFIXES",
     "GaussianScene",
     "SplatFormat",
@@ -47,6 +48,8 @@ FORMATS: tuple[SplatFormat, ...] = (
     splat.FORMAT,
 )
 SUFFIXES = tuple(dict.fromkeys(found.suffix for found in FORMATS))
+# How files of these formats may end besides.
+OTHER_SUFFIXES = (".gltf", ".usd", ".usda", ".usdz", META)
 KNOWN = ", ".join(SUFFIXES)
 DETECT_BYTES = 1 << 14
 

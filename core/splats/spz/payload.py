@@ -103,8 +103,10 @@ def read_spz_header(source: Source) -> SpzHeader:
             raise SplatFormatError("The .spz file is cut off inside its header; copy or export it again.")
         _, version, count, degree, bits, flags, streams = HEADER.unpack(plain)
         packed = start.startswith(GZIP_MAGIC)
-        if not 1 <= version <= 4 or packed == (version == 4):
+        if not 1 <= version <= 4:
             raise SplatFormatError(f"The .spz file is of version {version}; versions 1 to 4 can be read, so export it as one.")
+        if packed == (version == 4):
+            raise _other_packing(version)
         if count == 0 or degree >= len(REST_BY_DEGREE) or bits > MAX_FRACTIONAL_BITS:
             raise SplatFormatError(
                 f"The .spz header has {counted(count, 'Gaussian')}, SH degree {degree} and {counted(bits, 'fractional bit')}; "
@@ -112,6 +114,17 @@ def read_spz_header(source: Source) -> SpzHeader:
             )
         header = SpzHeader(version, count, degree, bits, antialiased=bool(flags & ANTIALIASED))
         return _read_table(file, header, bool(flags & HAS_EXTENSIONS), streams) if version == 4 else header
+
+
+def _other_packing(version: int) -> SplatFormatError:
+    """What is said of a file that gzip unpacks though it should not, or does not though it should."""
+    if version == 4:
+        return SplatFormatError(
+            "The .spz file of version 4 lies inside gzip, which belongs to versions 1 to 3; unpack it first."
+        )
+    return SplatFormatError(
+        f"The .spz file of version {version} is not packed by gzip, as versions 1 to 3 are; pack it, or export it again."
+    )
 
 
 def _read_table(file: IO[bytes], header: SpzHeader, extended: bool, streams: int) -> SpzHeader:
