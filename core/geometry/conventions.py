@@ -29,10 +29,6 @@ FLIP_YZ = np.diag([1.0, -1.0, -1.0])  # OpenCV camera axes <-> OpenGL/Blender ca
 HALF_TURN_X = np.array([1.0, -1.0, -1.0])
 HALF_TURN_X_QUATERNION = np.array([1.0, 1.0, -1.0, -1.0])
 HALF_TURN_X_SH = np.array([1.0, -1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1])
-# The same about y, which takes a world of x right, z back to one of x left, z front.
-HALF_TURN_Y = np.array([-1.0, 1.0, -1.0])
-HALF_TURN_Y_QUATERNION = np.array([1.0, -1.0, 1.0, -1.0])
-HALF_TURN_Y_SH = np.array([1.0, 1, -1, -1, -1, -1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1])
 NO_DISTORTION: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 VIEW_SENSOR_MM = 72.0  # of Blender's 3D viewport: CAMERA_PARAM_ZOOM_INIT_PERSP = 2 times the camera's 36 mm

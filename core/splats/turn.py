@@ -8,13 +8,17 @@ from typing import Literal
 import numpy as np
 
 from ..errors import SplatFormatError
-from ..geometry import conventions
-from ..geometry.conventions import Orientation
+from ..geometry.conventions import HALF_TURN_X, HALF_TURN_X_QUATERNION, HALF_TURN_X_SH, Orientation
 from .scene import GaussianScene
 
+# Factors of positions, quaternions and SH coefficients. That about y takes axes of x right, z back to x left, z front.
 TURNS = {
-    "x": (conventions.HALF_TURN_X, conventions.HALF_TURN_X_QUATERNION, conventions.HALF_TURN_X_SH),
-    "y": (conventions.HALF_TURN_Y, conventions.HALF_TURN_Y_QUATERNION, conventions.HALF_TURN_Y_SH),
+    "x": (HALF_TURN_X, HALF_TURN_X_QUATERNION, HALF_TURN_X_SH),
+    "y": (
+        np.array([-1.0, 1.0, -1.0]),
+        np.array([1.0, -1.0, 1.0, -1.0]),
+        np.array([1.0, 1, -1, -1, -1, -1, 1, 1, 1, 1, 1, 1, -1, -1, -1, -1]),
+    ),
 }
 
 

@@ -92,18 +92,18 @@ def _axes(stage: Any) -> tuple[Orientation, bool]:
     return ("Z_UP" if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else "Y_UP"), stage.HasAuthoredMetadata("upAxis")
 
 
-def _parts(stage: Any) -> Iterator[_Part]:
+def _parts(stage: Any) -> Iterator[_Prim]:
     """The prims that hold Gaussians. Raises SplatFormatError where there is none."""
     found = False
     for prim in stage.Traverse():
         if prim.GetTypeName() == PRIM:
             found = True
-            yield _Part(prim)
+            yield _Prim(prim)
     if not found:
         raise SplatFormatError(f"The OpenUSD file holds no Gaussian splats ({PRIM}); choose a splat file.")
 
 
-class _Part:
+class _Prim:
     """One prim."""
 
     def __init__(self, prim: Any) -> None:

@@ -44,7 +44,7 @@ def is_folder(path: Path) -> bool:
 def inspect(path: str | Path) -> SplatInfo:
     """What meta.json says. Raises SplatFormatError."""
     with open_files(Path(path)) as files:
-        layout = Layout(files.meta())
+        layout = SogLayout(files.meta())
         return SplatInfo(layout.name, layout.count, layout.degree(files), ORIENTATION)
 
 
@@ -53,8 +53,8 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     stop the reading. Raises SplatFormatError, and OSError from the file system.
     """
     with open_files(Path(path)) as files:
-        layout = Layout(files.meta())
-        n, table = layout.count, Pictures(files, layout)
+        layout = SogLayout(files.meta())
+        n, table = layout.count, SogPictures(files, layout)
         builder = SceneBuilder(n, SH_COEFFICIENTS[table.degree])
         for start in range(0, n, CHUNK_ROWS):
             builder.add_activated(*table.rows(slice(start, min(start + CHUNK_ROWS, n))))
@@ -63,7 +63,7 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     return builder.scene(layout.name, ORIENTATION, antialiased=layout.antialiased)
 
 
-class Layout:
+class SogLayout:
     """What meta.json says of one scene, its numbers checked. Raises SplatFormatError."""
 
     def __init__(self, meta: dict[str, Any]) -> None:
@@ -131,10 +131,10 @@ class Layout:
         return SplatFormatError(f"The {META} of the SOG scene lacks a usable '{what}'; export the scene again.")
 
 
-class Pictures:
+class SogPictures:
     """The pictures of a scene, decoded, and what their bytes mean."""
 
-    def __init__(self, files: SogFiles, layout: Layout) -> None:
+    def __init__(self, files: SogFiles, layout: SogLayout) -> None:
         n, self.degree, self._version = layout.count, layout.degree(files), layout.version
         lower, upper = layout.files("means", 2)[:2]
         self._lower, self._upper = files.pixels(lower, n), files.pixels(upper, n)

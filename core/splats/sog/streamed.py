@@ -20,7 +20,7 @@ from ..activate import SceneBuilder
 from ..format import Progress, SplatFormat, SplatInfo
 from ..scene import SH_COEFFICIENTS, GaussianScene
 from .container import LARGEST_META, STREAMED, open_files
-from .reader import CHUNK_ROWS, ORIENTATION, Layout, Pictures
+from .reader import CHUNK_ROWS, ORIENTATION, SogLayout, SogPictures
 
 NAME = "streamed sog"
 FAULTS = (KeyError, TypeError, ValueError, AttributeError, RecursionError, OverflowError)
@@ -66,7 +66,7 @@ def read(path: str | Path, progress: Progress | None = None, level: int = 0) -> 
     builder = SceneBuilder(count, SH_COEFFICIENTS[max(degree for _, degree in layouts)])
     for name, own in runs.items():
         with open_files(content.folder / name) as files:
-            _add(builder, Pictures(files, Layout(files.meta())), own)
+            _add(builder, SogPictures(files, SogLayout(files.meta())), own)
         if progress is not None:
             progress(builder.filled / count)
     antialiased = all(layout.antialiased for layout, _ in layouts)
@@ -78,15 +78,15 @@ def levels(path: Path) -> int:
     return _Content(path).levels
 
 
-def _layout(stack: ExitStack, path: Path) -> tuple[Layout, int]:
+def _layout(stack: ExitStack, path: Path) -> tuple[SogLayout, int]:
     """A scene's layout, whose pictures are large enough for what it promises, and its SH degree."""
     files = stack.enter_context(open_files(path))
-    layout = Layout(files.meta())
+    layout = SogLayout(files.meta())
     files.check_size(layout.files("means", 2)[0], layout.count)
     return layout, layout.degree(files)
 
 
-def _add(builder: SceneBuilder, pictures: Pictures, runs: list[Run]) -> None:
+def _add(builder: SceneBuilder, pictures: SogPictures, runs: list[Run]) -> None:
     for first, length in runs:
         for start in range(first, first + length, CHUNK_ROWS):
             *rows, sh = pictures.rows(slice(start, min(start + CHUNK_ROWS, first + length)))
@@ -130,7 +130,7 @@ class _Content:
             raise self._fault() from None
         if isinstance(environment, str) and environment:
             with open_files(self.folder / _inside(environment)) as files:
-                found.setdefault(_inside(environment), []).append((0, Layout(files.meta()).count))
+                found.setdefault(_inside(environment), []).append((0, SogLayout(files.meta()).count))
         if not any(count for own in found.values() for _, count in own):
             raise SplatFormatError(f"Level {level} of the streamed SOG scene holds no Gaussians; choose another.")
         return found
