@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from ..errors import GssmcError
-from .commands import batch, convert, demo, evaluate, features, locate, refine, render
+from .commands import batch, convert, demo, evaluate, features, locate, refine, render, track
 from .commands import map as make_map
 from .console import message
 from .flags import OneLineParser
@@ -25,9 +25,12 @@ COMMANDS = {
     "demo": demo,
     "evaluate": evaluate,
     "convert": convert,
+    "track": track,
     "features": features,
 }
-WITHOUT_SCENE = frozenset({"evaluate", "convert", "features", "map"})  # a caller that saves scenes has nothing to add to them
+WITHOUT_SCENE = frozenset(
+    {"evaluate", "convert", "features", "map", "track"}
+)  # a caller that saves scenes has nothing to add to them
 
 
 def build_parser(
@@ -72,7 +75,7 @@ def main(
             f"The file{where} cannot be used ({error.strerror or error}); check the path, its permissions and the disk."
         )
     except KeyboardInterrupt:
-        message("Interrupted; what was finished is saved.")
+        message("Interrupted; run the command again for what is missing.")
         return INTERRUPTED
 
 

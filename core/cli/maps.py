@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 
-from ..cameras.training_world import ScanAxes
+from ..cameras.training_world import AXES, ScanAxes
 from ..errors import UsageError
 from ..geometry.camera import Camera
 from ..locate import FindProgress, FindReport, LandmarkMap, MapCache, MapPlace, MapSettings, PhotoLens, find_camera, map_key
@@ -102,15 +102,25 @@ class MapFlags:
 
     def cache(self, scene: GaussianScene) -> MapCache:
         """The scan's map as it is kept, the known cameras among the means of the scene; tells where those had other axes."""
-        known, sentence = ScanAxes.of(scene).settled(self.known, self._args.axes)
+        known, sentence = ScanAxes.of(scene).settled(self.known, getattr(self._args, "axes", AXES[0]))
         if sentence:
             message(sentence)
         return MapCache(scene, self.place, self.settings, [camera.relative_to(scene.origin) for camera in known])
 
 
+@contextmanager
+def _telling_where(cache: MapCache) -> Iterator[None]:
+    """Says where the map is kept, if it was not kept anywhere before."""
+    before = cache.stored_in()
+    yield
+    file = cache.stored_in()
+    if before is None and file is not None:
+        message(f"The scan's map, which finds its photos, is kept in '{file}'; --map puts it elsewhere.")
+
+
 def whole_map(cache: MapCache) -> LandmarkMap:
     """The map to its end, made where it is not stored, with progress."""
-    with ProgressBar("Mapping") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
+    with _telling_where(cache), ProgressBar("Mapping") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
         made = LandmarkMap(cache.key)
         for step in steps:
             made = step.map
@@ -120,7 +130,7 @@ def whole_map(cache: MapCache) -> LandmarkMap:
 
 def find_with_progress(renderer: ViewRenderer, target: PhotoLens, cache: MapCache, settings: RefineSettings) -> FindReport:
     """The photo's camera without a start; no more of the map is made than the photo needs, and what is made is stored."""
-    with ProgressBar("Finding") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
+    with _telling_where(cache), ProgressBar("Finding") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
 
         def show(progress: FindProgress) -> None:
             refining = f", {progress.refining.step}" if progress.refining else ""

@@ -29,7 +29,7 @@ from ...support.words import counted
 from ..console import message, say
 from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
-from ..outcome import FAILED_VERDICT, OK, Outcome, has_camera
+from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome, has_camera
 from ..paths import check_outputs
 from ..rounds import TO_FIND, Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
@@ -74,13 +74,19 @@ def run(args: argparse.Namespace) -> Outcome:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
-    with ResultStore(args.out, query_keys(args.scene, queries, settings, _word(args, flags))) as store:
-        kept = sum(TO_FIND not in record for record in store.records.values())
-        if kept:
-            be = "was finished before and is" if kept == 1 else "were finished before and are"
-            message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
-        Rounds(args.scene, args.workers, settings, flags if args.locate else None, args.axes).run(queries, store)
-        share_lenses(args.shared_lens, queries, store)
+    store = ResultStore(args.out, query_keys(args.scene, queries, settings, _word(args, flags)))
+    try:
+        with store:
+            kept = _finished(store)
+            if kept:
+                be = "was finished before and is" if kept == 1 else "were finished before and are"
+                message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
+            Rounds(args.scene, args.workers, settings, flags if args.locate else None, args.axes).run(queries, store)
+            share_lenses(args.shared_lens, queries, store)
+    except KeyboardInterrupt:
+        done = f"{_finished(store)} of {counted(len(queries), 'photo')}"
+        message(f"Interrupted; {done} finished, in '{args.out}'. The same command goes on with the others.")
+        return Outcome(INTERRUPTED)
     records = [store.records[i] for i in range(len(queries))]
     _say_lost(records, args.out)
     counts = Counter(_ending(record) for record in records)
@@ -93,6 +99,10 @@ def run(args: argparse.Namespace) -> Outcome:
 def _word(args: argparse.Namespace, flags: MapFlags) -> str:
     """What besides the settings the answers depend on."""
     return f"{flags.word if args.locate else ''}{'' if args.axes == AXES[0] else args.axes}"
+
+
+def _finished(store: ResultStore) -> int:
+    return sum(TO_FIND not in record for record in store.records.values())
 
 
 def _ending(record: Record) -> str:

@@ -10,9 +10,9 @@ from typing import Any
 from ...batch.find_one import find_target, found_to_dict, joined
 from ...batch.place import into_file, starts_in_scene
 from ...batch.refine_one import read_masked_photo, refine_starts
-from ...cameras import camera_file
+from ...cameras import camera_file, short
 from ...cameras.files import StartCamera
-from ...cameras.names import record_of_photo
+from ...cameras.names import names_photo, record_of_photo
 from ...cameras.training_world import Axes, ScanAxes
 from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError, UsageError
@@ -100,7 +100,7 @@ class Placing:
         """`flags` None: photos are not searched for."""
         self._renderer, self._scene, self._settings, self._flags = renderer, scene, settings, flags
 
-    def place(self, photo: Photo, wanted: Camera | Unplaced, axes: Axes) -> Placed:
+    def place(self, photo: Photo, wanted: Camera | Unplaced, axes: Axes = "auto") -> Placed:
         """The end, in the coordinates of the scan's file; `axes`: those of a start."""
         placed = self._placed(photo, wanted, axes)
         return Placed(into_file(placed.record, self._scene.origin), placed.report)
@@ -161,4 +161,7 @@ def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:
     found = camera_file(file)
     for note in found.notes:
         message(note)
-    return record_of_photo(found.records, photo.name, file.name)
+    record = record_of_photo(found.records, photo.name, file.name)
+    if record.file and not names_photo(record.file, photo.name):
+        message(f"The one camera in '{file.name}' is that of '{short(record.file)}'; it is used for '{photo.name}'.")
+    return record
