@@ -40,6 +40,12 @@ def import_annotations() -> dict[str, object]:
             description="The largest number of Gaussians drawn in the viewport; all are imported. "
             "The panel can change it later",
         ),
+        "level": IntProperty(
+            name="Level",
+            default=0,
+            min=0,
+            description="Of a streamed SOG scan (lod-meta.json) the level of detail; 0 is the finest",
+        ),
         "show_colours": BoolProperty(
             name="Colours of Points",
             default=True,

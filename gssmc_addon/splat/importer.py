@@ -83,11 +83,14 @@ class SplatDisplay:
 
 @dataclass(frozen=True)
 class Placement:
-    """How a splat comes into the scene. `orientation` AUTO takes what its format means, or its file declares."""
+    """How a splat comes into the scene. `orientation` AUTO takes what its format means, or its file declares; `level`: of a
+    streamed scan, 0 the finest.
+    """
 
     orientation: Orientation | Literal["AUTO"] = "AUTO"
     scale: float = 1.0
     max_shown: int = viewport_props.MAX_SHOWN
+    level: int = 0
 
 
 def add_splat(
