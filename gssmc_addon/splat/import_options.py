@@ -33,6 +33,25 @@ def import_annotations() -> dict[str, object]:
             soft_max=100.0,
             description="Scales the object and leaves the file's coordinates as they are",
         ),
+        **_amounts(),
+        "show_colours": BoolProperty(
+            name="Colours of Points",
+            default=True,
+            description="Where the scan shows as points, switch Solid viewports to Material Preview, which has its colours",
+        ),
+        "wait": BoolProperty(
+            name="Wait",
+            default=True,
+            options={"HIDDEN", "SKIP_SAVE"},
+            description="For scripts: return when all is imported. Off, a window goes on meanwhile, "
+            "as it does after the dialog",
+        ),
+    }
+
+
+def _amounts() -> dict[str, object]:
+    """How much of the scan is read, and shown."""
+    return {
         "max_shown": IntProperty(
             name="Most Shown",
             default=viewport_props.MAX_SHOWN,
@@ -45,18 +64,6 @@ def import_annotations() -> dict[str, object]:
             default=0,
             min=0,
             description="Of a streamed SOG scan (lod-meta.json) the level of detail; 0 is the finest",
-        ),
-        "show_colours": BoolProperty(
-            name="Colours of Points",
-            default=True,
-            description="Where the scan shows as points, switch Solid viewports to Material Preview, which has its colours",
-        ),
-        "wait": BoolProperty(
-            name="Wait",
-            default=True,
-            options={"HIDDEN", "SKIP_SAVE"},
-            description="For scripts: return when all is imported. Off, a window goes on meanwhile, "
-            "as it does after the dialog",
         ),
     }
 

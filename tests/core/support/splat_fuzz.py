@@ -7,6 +7,7 @@ are read, by what their own Gaussians need.
 """
 
 import gzip
+import importlib
 import importlib.util
 import io
 import json
@@ -125,6 +126,9 @@ def _zipped_folder():
 
 def _usd_sample(table):
     """A stage in the library's text, whose parser is its own."""
+    # The library's modules are no part of what a reading may hold.
+    importlib.import_module("pxr.Usd")
+    importlib.import_module("pxr.UsdGeom")
     count = len(table["x"])
 
     def tuples(names):
