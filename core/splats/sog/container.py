@@ -24,6 +24,7 @@ LONGEST_NAME = 80
 META, STREAMED = "meta.json", "lod-meta.json"
 ZIP_MAGIC = b"PK\x03\x04"
 LARGEST_FILE, LARGEST_META = 1 << 30, 64 << 20
+SMALLEST_WEBP = 32  # bytes; OpenCV writes an error of its own about shorter ones
 # A picture of one pixel for each Gaussian may have so many more than there are Gaussians, in rows to make it whole.
 SLACK, SLACK_PIXELS = 2, 1 << 12
 FAULTS = (zipfile.BadZipFile, NotImplementedError, EOFError, RuntimeError, ValueError)
@@ -142,7 +143,7 @@ def _too_large(name: str) -> SplatFormatError:
 
 def _size(data: bytes) -> tuple[int, int] | None:
     """(width, height) of a WebP (lossless, lossy or extended); None of anything else, of which OpenCV might complain itself."""
-    if data[:4] != b"RIFF" or data[8:12] != b"WEBP" or len(data) < 30:
+    if data[:4] != b"RIFF" or data[8:12] != b"WEBP" or len(data) < SMALLEST_WEBP:
         return None
     if data[12:16] == b"VP8L":
         bits = int.from_bytes(data[21:25], "little")

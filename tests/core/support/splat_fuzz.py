@@ -189,6 +189,20 @@ def change(data, rng):
     return bytes(data)
 
 
+def _measured(path):
+    """The scene in a file, or None and the sentence, and the most bytes that its reading held."""
+    tracemalloc.reset_peak()
+    before = tracemalloc.get_traced_memory()[0]
+    began = time.monotonic()
+    scene, sentence = None, ""
+    try:
+        scene = read_splats(path)
+    except SplatFormatError as error:
+        sentence = str(error)
+    assert time.monotonic() - began < SLOWEST_S
+    return scene, sentence, tracemalloc.get_traced_memory()[1] - before
+
+
 def judge(sample, data, path):
     """Reads `data` as a file: ("scene" or "error", share of the allowed memory used). AssertionError where a rule is broken."""
     path = path.with_suffix(sample.suffix)
@@ -199,17 +213,11 @@ def judge(sample, data, path):
     else:
         path.write_bytes(data)
     allowed = 2 * len(data) * sample.growth + ALLOWANCE
-    tracemalloc.reset_peak()
-    before = tracemalloc.get_traced_memory()[0]
-    began = time.monotonic()
-    try:
-        scene = read_splats(path)
-        outcome = "scene"
-    except SplatFormatError as error:
-        outcome, scene = "error", None
-        sentence = str(error)
-    peak = tracemalloc.get_traced_memory()[1] - before
-    assert time.monotonic() - began < SLOWEST_S
+    scene, sentence, peak = _measured(path)
+    if peak > allowed:
+        # Once in thousands of files a table of the interpreter's own grows just then; what a reading holds it holds again.
+        scene, sentence, peak = _measured(path)
+    outcome = "error" if scene is None else "scene"
     assert peak <= allowed, f"{peak} bytes of {allowed:.0f}"
     if scene is None:
         assert "\n" not in sentence
