@@ -136,6 +136,13 @@ def test_a_bad_scene_ends_in_one_sentence(folder, case):
     assert str(caught.value).endswith(".") and "\n" not in str(caught.value)
 
 
+def test_of_a_cut_picture_only_our_own_sentence_is_said(folder, capfd):
+    (folder / "quats.webp").write_bytes((folder / "quats.webp").read_bytes()[:30])
+    with pytest.raises(SplatFormatError, match="is damaged"):
+        read_splats(folder)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_other_archives_are_named(tmp_path):
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("notes.txt", "hello")
