@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SplatFormatError
+from ...support.quiet import quiet_opencv
 
 Bytes = NDArray[np.uint8]
 
@@ -60,7 +61,8 @@ class SogFiles:
         """A picture (H, W, 4) of at least and at most so many pixels, which is made sure before it is unpacked."""
         data, size = self._content_of(name, least, most)
         try:
-            raw: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+            with quiet_opencv():
+                raw: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error:
             raw = None
         if raw is None or raw.dtype != np.uint8 or raw.shape[:2] != size[::-1]:
