@@ -11,6 +11,7 @@ from bpy_extras.io_utils import ExportHelper
 from ..gssmc_addon.camera import exchange as camera_exchange
 from ..gssmc_addon.photo import image as photo_image
 from ..gssmc_addon.plate import source as plate_source
+from ..gssmc_addon.splat import axes as splat_axes
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.outputs import check_export
 
@@ -38,6 +39,9 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
             default=False,
             description="The selected cameras; otherwise all of the scene that have a photo",
         ),
+        "axes": EnumProperty(
+            name="Axes", items=splat_axes.EXPORT_ITEMS, default="FILE", description="In which world the cameras are written"
+        ),
         "world": StringProperty(
             name="Training World",
             subtype="FILE_PATH",
@@ -64,6 +68,8 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
             path = path.with_suffix("")
         check_export(path)
         outgoing = camera_exchange.collect(context.scene, self._objects(context))
+        if self.axes == "TRAINING":
+            outgoing = camera_exchange.into_training_axes(outgoing, context.scene.gssmc.splat)
         if self.world:
             outgoing = camera_exchange.out_of_training_world(outgoing, Path(bpy.path.abspath(self.world)))
         wrote = camera_exchange.write(path, self.format, outgoing)

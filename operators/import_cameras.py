@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..gssmc_addon.camera import bridge as camera_bridge
-from ..gssmc_addon.camera.import_job import CameraImport
+from ..gssmc_addon.camera.import_job import CameraImport, Worlds
+from ..gssmc_addon.splat import axes as splat_axes
 from ..gssmc_addon.support.operator_parts import JobFromFile
 from ..gssmc_addon.support.texts import rpt_
 
@@ -29,6 +30,9 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
             name="Photos",
             subtype="DIR_PATH",
             description="Folder of the photos; empty: beside the file, or in a folder named images near it",
+        ),
+        "axes": EnumProperty(
+            name="Axes", items=splat_axes.IMPORT_ITEMS, default="AUTO", description="In which world the cameras of the file are"
         ),
         "world": StringProperty(
             name="Training World",
@@ -52,7 +56,8 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
         context.view_layer.update()
         camera_bridge.splat_similarity(context.scene.gssmc.splat)
         path, photos, world = (Path(bpy.path.abspath(p)) if p else None for p in (self.filepath, self.photos, self.world))
-        return CameraImport(context.scene, path or Path(), photos, self.set_resolution, world)
+        worlds = Worlds(world, self.axes.lower(), splat_axes.of(context.scene.gssmc.splat))
+        return CameraImport(context.scene, path or Path(), photos, self.set_resolution, worlds)
 
     def apply(self, context: bpy.types.Context, job: CameraImport, result: Any) -> set[str]:
         job.finish()

@@ -10,6 +10,7 @@ from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..core.render import memory
+from ..core.splats.sog.container import STREAMED
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.refine import panel as panels
 from ..gssmc_addon.registration import preferences
@@ -52,6 +53,8 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
             panels.draw_text(self.layout, context, line)
         for name in ("orientation", "scale", "max_shown"):
             self.layout.prop(self, name)
+        if Path(self.filepath).name == STREAMED:
+            self.layout.prop(self, "level")
         if not viewport_props.is_drawable():
             self.layout.prop(self, "show_colours")
 
@@ -63,7 +66,7 @@ class GSSMC_OT_import_splats(AskingJobOperator, bpy.types.Operator, ImportHelper
     def make_job(self, context: bpy.types.Context) -> SplatImport:
         path = Path(self.filepath)
         memory.check("The import", memory.import_bytes(path), preferences.memory_limit(context))
-        placement = splat_import.Placement(self.orientation, self.scale, self.max_shown)
+        placement = splat_import.Placement(self.orientation, self.scale, self.max_shown, self.level)
         return SplatImport(path, placement, viewport_props.is_drawable())
 
     def apply(self, context: bpy.types.Context, job: SplatImport, result: Any) -> set[str]:

@@ -1,4 +1,4 @@
-"""Answers about a scan that lies far out: found among its means, told in the coordinates of its file."""
+"""From the world of the cameras among the means of a scan, and back into the coordinates of its file."""
 
 from __future__ import annotations
 
@@ -7,20 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from ..cameras.unplaced import Unplaced
+from ..cameras.training_world import Axes, ScanAxes
 from ..geometry.camera import Camera
 
 Origin = Sequence[float]
 
 
-def into_scene(wanted: Camera | Unplaced, origin: Origin) -> Camera | Unplaced:
-    """A camera of the file's coordinates, among the means of the scene."""
-    return wanted.relative_to(origin) if isinstance(wanted, Camera) else wanted
-
-
-def record_into_scene(record: Any, origin: Origin) -> Any:
-    """As `into_scene`, of a record as JSON holds it."""
-    return into_file(record, [-value for value in origin])
+def starts_in_scene(camera: Camera, scan: ScanAxes, axes: Axes, origin: Origin) -> list[tuple[Camera, str]]:
+    """The starts to try for a camera, as `ScanAxes.starts` gives them, among the means of the scene."""
+    return [(start.relative_to(origin), sentence) for start, sentence in scan.starts(camera, axes)]
 
 
 def into_file(record: Any, origin: Origin) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,3 +63,23 @@ def _merit(report: RefineReport) -> tuple[int, bool, int]:
     """Greater for the better of two: by the verdict, then by the start's turn, then by how much of the photo fits."""
     corners = report.quality.region_corners if report.quality else 0
     return VERDICTS.index(report.verdict), not _is_turned(report), corners
+
+
+def refine_starts(
+    renderer: ViewRenderer,
+    photo: Photo,
+    starts: Sequence[tuple[Camera, str]],
+    settings: RefineSettings,
+    on_progress: Callable[[RefineProgress], None] | None = None,
+) -> RefineReport:
+    """Refines from one start after the other until one does not fail; a start's sentence becomes the last reason of its report.
+    Where all fail, the first one's report. Raises the GssmcError of whatever cannot be used.
+    """
+    first: RefineReport | None = None
+    for start, sentence in starts:
+        report = refine_photo(renderer, photo, start, settings, on_progress)
+        if report.verdict != "failed":
+            return replace(report, reasons=(*report.reasons, sentence)) if sentence else report
+        first = first or report
+    assert first is not None, "there is no start"
+    return first

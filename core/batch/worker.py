@@ -1,21 +1,22 @@
 """A batch worker: one process that holds the scene and refines the photos it is handed, one request each.
 
 A process of its own, because a damaged photo or model can end a process inside OpenCV, and that must cost one photo only.
-The first request is {"scene", "settings", "map", "key"}, answered by {"dropped": n} or {"error": sentence}; each further one is
-{"camera", "photo", "mask"} (the last may be null), answered by the photo's record. With a "map", a file that holds the map of
-that "key", photos are found without their start; without one they are refined from it. It ends when its input does, at once.
+The first request is {"scene", "settings", "axes", "map", "key"}, answered by {"dropped": n} or {"error": sentence}; each one
+after that is {"camera", "photo", "mask"} (the last may be null), answered by the photo's record. With a "map", a file that has
+the map of that "key", photos are found without their start; without one they are refined from it. It ends when its input does.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import cv2
 
 from ..cameras.files import camera_from_dict
+from ..cameras.training_world import ScanAxes
 from ..cameras.unplaced import Unplaced, wanted_from_dict
 from ..errors import GssmcError
 from ..geometry.camera import Camera
@@ -26,10 +27,11 @@ from ..processes.requests import Requests
 from ..render import Renderer, RenderSettings
 from ..splats import read_splats
 from .find_one import find_target, found_to_dict
-from .place import into_file, record_into_scene
-from .refine_one import read_masked_photo, refine_photo
+from .place import into_file, starts_in_scene
+from .refine_one import read_masked_photo, refine_starts
 
 Record = dict[str, Any]
+Starts = Sequence[tuple[Camera, str]]
 
 
 def main() -> int:
@@ -47,25 +49,26 @@ def main() -> int:
         return 0
     renderer, settings = Renderer(scene, RenderSettings.for_scene(scene, threads=1)), RefineSettings(**first["settings"])
     requests.answer({"dropped": scene.dropped})
-    origin = scene.origin
+    origin, scan, axes = scene.origin, ScanAxes.of(scene), first.get("axes", "auto")
     del scene
     while True:
         job, _ = requests.next()
         mask = Path(job["mask"]) if job.get("mask") else None
-        camera = record_into_scene(job["camera"], origin)
         if landmarks is None:
-            record = refine_record(renderer, settings, camera, Path(job["photo"]), mask)
+            starts = starts_in_scene(camera_from_dict(job["camera"]), scan, axes, origin)
+            record = refine_record(renderer, settings, starts, Path(job["photo"]), mask)
         else:
-            record = RecordFinder(renderer, settings, landmarks).record(camera, Path(job["photo"]), mask)
+            record = RecordFinder(renderer, settings, landmarks).record(job["camera"], Path(job["photo"]), mask)
         requests.answer(into_file(record, origin))
 
 
 def refine_record(
-    renderer: Renderer, settings: RefineSettings, camera_dict: Record, photo: Path, mask: Path | None = None
+    renderer: Renderer, settings: RefineSettings, starts: Starts, photo: Path, mask: Path | None = None
 ) -> Record:
     """The record of one photo; what cannot be used becomes a record that says so."""
-    camera = camera_from_dict(camera_dict)
-    return _guarded(camera, lambda: report_to_dict(refine_photo(renderer, read_masked_photo(photo, mask), camera, settings)))
+    return _guarded(
+        starts[0][0], lambda: report_to_dict(refine_starts(renderer, read_masked_photo(photo, mask), starts, settings))
+    )
 
 
 class RecordFinder:

@@ -10,6 +10,7 @@ from ..geometry.conventions import Orientation, Similarity, orientation_matrix
 from ..splats import GaussianScene, read_splats, scan_files
 from ..splats.ply.compressed_write import write_compressed
 from ..splats.ply.reader import write_ply
+from ..splats.sog.write import write_sog
 from ..splats.splat import write_splat
 from ..splats.spz.write import write_spz
 from ..splats.transform import transformed
@@ -18,16 +19,18 @@ from .console import message, say
 from .dropped import say_dropped
 from .paths import check_outputs
 
-Write = Callable[[Path, GaussianScene], None]
+# A sentence on what is lost, where the writer measures that.
+Write = Callable[[Path, GaussianScene], str | None]
 # By the end of the file's name, the longer ones first.
 WRITERS: dict[str, tuple[Orientation, Write]] = {
     ".compressed.ply": ("Y_DOWN", write_compressed),
     ".ply": ("Y_DOWN", write_ply),
     ".spz": ("Y_UP", write_spz),
+    ".sog": ("Y_DOWN", write_sog),
     ".splat": ("Y_DOWN", write_splat),
 }
 UNFLAGGED = (".compressed.ply", ".splat")
-UNWRITTEN = (".sog", ".ksplat", ".glb", ".gltf")
+UNWRITTEN = (".ksplat", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 AXES: dict[Orientation, str] = {"Y_DOWN": "y down", "Y_UP": "y up", "Z_UP": "z up", "Z_DOWN": "z down"}
 
 
@@ -36,8 +39,10 @@ def is_scene(out: Path) -> bool:
     return out.name.lower().endswith((*WRITERS, *UNWRITTEN))
 
 
-def convert_scene(scene_file: Path, out: Path) -> None:
-    """Writes the scan in the format that the name of `out` tells. Raises SplatFormatError, UsageError."""
+def convert_scene(scene_file: Path, out: Path, level: int = 0) -> None:
+    """Writes the scan, of a streamed one the `level`, in the format that the name of `out` tells. Raises SplatFormatError,
+    UsageError.
+    """
     name = out.name.lower()
     ending = next((one for one in WRITERS if name.endswith(one)), None)
     if ending is None:
@@ -45,14 +50,16 @@ def convert_scene(scene_file: Path, out: Path) -> None:
             f"'{out.suffix}' files are not written; write .ply, and turn that into {out.suffix} with splat-transform."
         )
     check_outputs({"OUT": out}, {"the scan": scan_files(scene_file) if scene_file.exists() else scene_file})
-    scene = read_splats(scene_file)
+    scene = read_splats(scene_file, level=level)
     say_dropped(scene)
     orientation, write = WRITERS[ending]
     if scene.orientation != orientation:
         message(f"The scan is turned from {AXES[scene.orientation]} to {AXES[orientation]}, as {ending} files have it.")
     if scene.antialiased and ending in UNFLAGGED:
         message(f"That the scan is to be drawn anti-aliased is lost, because {ending} files have no place for it.")
-    write(out, _with_axes(scene, orientation))
+    lost = write(out, _with_axes(scene, orientation))
+    if lost:
+        message(lost)
     say(f"The scan was written to '{out}'.")
 
 

@@ -9,16 +9,26 @@ from dataclasses import fields, replace
 from typing import Any
 
 from ..cameras import short
+from ..cameras.training_world import AXES
 from ..errors import UsageError
 from ..features.frontend import check_choice
 from ..pose.settings import RefineSettings
 from ..support.options import options_of
 
-SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz, .sog, .glb or .splat"
+SCENE_HELP = "splat file: .ply (INRIA, compressed, 2DGS, Mip-Splatting), .spz, .sog, .ksplat, .glb, .usdc or .splat"
 
 
 CAMERAS_HELP = "cameras: our JSON, COLMAP, nerfstudio and every other layout of docs/formats.md"
 MASK_HELP = "what to leave out of matching: a picture, or a folder of them named as the photos; white: use, black: leave out"
+
+
+def add_axes_flag(parser: argparse.ArgumentParser) -> None:
+    """--axes: in which world the cameras are that a command is given."""
+    text = (
+        "the cameras given are in the coordinates of the scan's file, or in the world of the training (COLMAP's, y down); "
+        "auto: the former, unless they show nothing of the scan or lead nowhere there; results are in the file's (auto)"
+    )
+    parser.add_argument("--axes", choices=AXES, default=AXES[0], help=text)
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -9,6 +9,7 @@ from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 
+from ..cameras.training_world import AXES, ScanAxes
 from ..errors import UsageError
 from ..geometry.camera import Camera
 from ..locate import FindProgress, FindReport, LandmarkMap, MapCache, MapPlace, MapSettings, PhotoLens, find_camera, map_key
@@ -100,7 +101,11 @@ class MapFlags:
         raise UsageError(f"The map cannot be written to '{files[0]}' ({reasons[0]}); give another file with --map.")
 
     def cache(self, scene: GaussianScene) -> MapCache:
-        return MapCache(scene, self.place, self.settings, [camera.relative_to(scene.origin) for camera in self.known])
+        """The scan's map as it is kept, the known cameras among the means of the scene; tells where those had other axes."""
+        known, sentence = ScanAxes.of(scene).settled(self.known, getattr(self._args, "axes", AXES[0]))
+        if sentence:
+            message(sentence)
+        return MapCache(scene, self.place, self.settings, [camera.relative_to(scene.origin) for camera in known])
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import Any
 from ..batch.find_one import joined
 from ..batch.keys import BatchQuery, Refused
 from ..batch.store import ResultStore
+from ..cameras.training_world import Axes
 from ..cameras.unplaced import wanted_to_dict
 from ..geometry.camera import Camera
 from ..locate import write_map
@@ -28,16 +29,19 @@ TO_FIND = "to_be_found"  # of a record whose refinement from its start failed, u
 
 @dataclass(frozen=True)
 class Rounds:
-    """The work of a batch on the scan `scene`, over so many processes. `flags` None: photos are not searched for."""
+    """The work of a batch on the scan `scene`, over so many processes. `flags` None: photos are not searched for;
+    `axes`: the world of the starts.
+    """
 
     scene: Path
     workers: int
     settings: RefineSettings
     flags: MapFlags | None
+    axes: Axes = "auto"
 
     def run(self, queries: Sequence[BatchQuery], store: ResultStore) -> None:
         """Puts a record of each query into the store that has none yet."""
-        first = {"scene": str(self.scene.resolve()), "settings": {**asdict(self.settings), "threads": 1}}
+        first = {"scene": str(self.scene.resolve()), "settings": {**asdict(self.settings), "threads": 1}, "axes": self.axes}
         for i, query in enumerate(queries):
             if isinstance(query.camera, Refused):
                 store.put(i, error_to_dict(query.camera.given, query.camera.sentence))

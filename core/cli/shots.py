@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..batch.refine_one import read_masked_photo, refine_photo
+from ..cameras.training_world import Axes
 from ..cameras.unplaced import Unplaced
 from ..errors import RefineError, UsageError
 from ..geometry.camera import Camera, Pose
@@ -42,13 +43,14 @@ class PlateFrames:
 
 @dataclass(frozen=True)
 class ShotWork:
-    """What every step needs. `flags` None: no frame is searched for in the scan's map."""
+    """What every step needs. `flags` None: no frame is searched for in the scan's map; `axes`: those of starts."""
 
     scene: GaussianScene
     renderer: ProcessRenderer
     settings: RefineSettings
     frames: PlateFrames
     flags: MapFlags | None
+    axes: Axes = "auto"
 
     def starts(self, frames: Sequence[int], files: Mapping[int, Path]) -> dict[int, Camera]:
         """Solved cameras to begin with, in the scene's coordinates. Raises RefineError where there are none."""
@@ -69,7 +71,7 @@ class ShotWork:
         photo = self.frames.read(frame)
         told = Unplaced() if file is None else pick_wanted(file, self.frames.plate.file(frame))
         wanted = wanted_camera(told, photo)
-        placed = Placing(self.renderer, self.scene, self.settings, self.flags).place(photo, wanted)
+        placed = Placing(self.renderer, self.scene, self.settings, self.flags).place(photo, wanted, self.axes)
         if placed.report is None or placed.record["verdict"] == "failed":
             raise RefineError(f"Frame {frame} was not placed: {placed.record['reasons'][0]}")
         message(f"Frame {frame}: {placed.record['verdict']}. {placed.record['reasons'][0]}")

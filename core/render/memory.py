@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 
 from ..errors import GssmcError
+from ..splats import scan_files
 from .processes import MAX_PROCESSES
 
 # Taken by numpy, OpenCV, SciPy and the features of all views.
@@ -62,7 +63,7 @@ def find_bytes(gaussians: int, sh_coefficients: int, threads: int, views: int) -
 
 def import_bytes(file: Path) -> int:
     """What reading a splat file into Blender takes at its peak; compressed formats hold about five times their size."""
-    size = file.stat().st_size if file.exists() else 0
+    size = sum(one.stat().st_size for one in scan_files(file)) if file.exists() else 0
     return BASE_BYTES + COPIES * size * (1 if file.suffix.lower() == ".ply" else 6)
 
 

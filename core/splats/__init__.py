@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import SplatFormatError
-from . import gltf, splat
+from . import gltf, ksplat, splat, usd
 from .format import SplatFormat, SplatInfo
 from .ply import compressed as ply_compressed
 from .ply import mip as ply_mip
@@ -15,12 +15,14 @@ from .ply import reader as ply
 from .ply import two_dgs as ply_2dgs
 from .scene import GaussianScene
 from .sog import reader as sog
-from .sog.container import META
+from .sog import streamed
+from .sog.container import META, STREAMED
 from .spz import reader as spz
 from .unknown import name_of
 
 __all__ = [
     "FORMATS",
+    "OTHER_SUFFIXES",
     "SUFFIXES",
     "GaussianScene",
     "SplatFormat",
@@ -38,24 +40,30 @@ FORMATS: tuple[SplatFormat, ...] = (
     ply_2dgs.FORMAT,
     ply.FORMAT,
     spz.FORMAT,
+    usd.FORMAT,
+    streamed.FORMAT,
     sog.FORMAT,
     gltf.FORMAT,
+    ksplat.FORMAT,
     splat.FORMAT,
 )
 SUFFIXES = tuple(dict.fromkeys(found.suffix for found in FORMATS))
+# How files of these formats may end besides.
+OTHER_SUFFIXES = (".gltf", ".usd", ".usda", ".usdz", META)
 KNOWN = ", ".join(SUFFIXES)
 DETECT_BYTES = 1 << 14
 
 
-def read_splats(path: str | Path, progress: Callable[[float], None] | None = None) -> GaussianScene:
-    """The scene in the file `path`, whose content tells its format; `progress` is called with a fraction 0..1.
+def read_splats(path: str | Path, progress: Callable[[float], None] | None = None, level: int = 0) -> GaussianScene:
+    """The scene in the file `path`, whose content tells its format; `progress` is called with a fraction 0..1. `level`: of a
+    streamed scene, which has several; 0 is the finest.
 
     Raises SplatFormatError with one sentence when the file is missing, unreadable or no splat scene.
     """
     path = Path(path)
     found = check_splat_file(path)
     with _file_errors(path):
-        return found.read(path, progress)
+        return streamed.read(path, progress, level) if found is streamed.FORMAT else found.read(path, progress)
 
 
 def inspect_splats(path: str | Path) -> SplatInfo:
@@ -69,10 +77,14 @@ def inspect_splats(path: str | Path) -> SplatInfo:
 def check_splat_file(path: str | Path) -> SplatFormat:
     """The format of the file `path`, from its first bytes alone. Raises SplatFormatError as `read_splats` does."""
     path = Path(path)
-    if path.is_dir() and sog.is_folder(path):
-        return sog.FORMAT
+    if path.is_dir() and (sog.is_folder(path) or streamed.is_folder(path)):
+        return sog.FORMAT if sog.is_folder(path) else streamed.FORMAT
     if path.is_dir():
         raise SplatFormatError(f"'{path}' is a folder; choose a splat file ({KNOWN}) inside it.")
+    if path.suffix.lower() in (".lcc", ".lcc2") and path.is_file():
+        raise SplatFormatError(
+            f"'{path.name}' is an LCC scan of XGRIDS, not read here; turn it into .ply with splat-transform."
+        )
     with _file_errors(path), open(path, "rb") as file:
         header = file.read(DETECT_BYTES)
     if not header:
@@ -86,8 +98,12 @@ def check_splat_file(path: str | Path) -> SplatFormat:
 
 
 def scan_files(path: Path) -> list[Path]:
-    """The files that a scan consists of: itself, or all that lie beside the meta.json of a scene in a folder."""
+    """The files that a scan consists of: itself, or all that lie beside the meta.json of a scene in a folder, and of a streamed
+    scene also those below.
+    """
     folder = path if path.is_dir() else path.parent
+    if streamed.is_folder(folder) and path in (folder, folder / STREAMED):
+        return sorted(file for file in folder.rglob("*") if file.is_file())
     if sog.is_folder(folder) and path in (folder, folder / META):
         return sorted(file for file in folder.iterdir() if file.is_file())
     return [path]

@@ -21,7 +21,7 @@ class SceneBuilder:
         self._rotations = np.empty((capacity, 4), np.float32)
         self._opacities = np.empty(capacity, np.float32)
         self._sh = np.empty((capacity, coefficients, 3), np.float32)
-        self.filled = 0
+        self.filled, self.coefficients = 0, coefficients
 
     def add(self, rows: Float32Array) -> None:
         """Append raw rows (n, 11 + 3 K). Infinite opacities and scales of minus infinity are values like others: programs that

@@ -20,6 +20,7 @@ from ...core.geometry.turned_photo import stored_camera
 from ...core.support.atomic import atomic_write
 from ..photo import image as photo_image
 from ..plate import source as plate_source
+from ..splat import axes as splat_axes
 from ..splat import object as splat_object
 from ..support.texts import rpt_
 from . import bridge as camera_bridge
@@ -81,6 +82,12 @@ def out_of_training_world(outgoing: Sequence[Outgoing], file: Path) -> list[Outg
     """The cameras in the world of the transforms.json that the splat was trained from. Raises GssmcError."""
     world = read_training_world(file).inverse()
     return [replace(item, camera=replace(item.camera, pose=world.pose_to_scene(item.camera.pose))) for item in outgoing]
+
+
+def into_training_axes(outgoing: Sequence[Outgoing], splat: bpy.types.Object) -> list[Outgoing]:
+    """The cameras with the axes of the splat's training, y down."""
+    turned = splat_axes.of(splat).into_training_world([item.camera for item in outgoing])
+    return [replace(item, camera=camera) for item, camera in zip(outgoing, turned, strict=True)]
 
 
 def write(path: Path, kind: str, outgoing: Sequence[Outgoing]) -> list[str]:

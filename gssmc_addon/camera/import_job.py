@@ -18,7 +18,7 @@ import numpy as np
 
 from ...core import cameras as datasets
 from ...core.cameras.files import StartCamera
-from ...core.cameras.training_world import read_training_world
+from ...core.cameras.training_world import Axes, ScanAxes, read_training_world
 from ...core.errors import CameraError, GssmcError, PhotoError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera
@@ -67,24 +67,38 @@ class Found:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Worlds:
+    """In which world cameras come. `world`: nerfstudio's file that says how the splat's lies to the cameras'; `axes`: in which
+    of the two worlds of the splat, `scan`, they are then.
+    """
+
+    world: Path | None = None
+    axes: Axes = "auto"
+    scan: ScanAxes | None = None
+
+
 def read_incoming(
-    path: Path, photos: Path | None, world: Path | None = None, given: datasets.CameraFile | None = None
+    path: Path, photos: Path | None, worlds: Worlds = Worlds(), given: datasets.CameraFile | None = None
 ) -> Generator[float, None, Found]:
     """The cameras of a file or folder, read step by step (yields the share done). Needs no Blender. Raises GssmcError.
 
-    `world`: nerfstudio's file that says how the splat's world lies to the cameras'. `given`: the cameras, where Blender has
-    read them.
+    `given`: the cameras, where Blender has read them.
     """
     path = model_of(path)
     finder, read, found = PhotoFinder(path, photos), given or datasets.starts(path), []
     starts = read.placed
-    if world is not None:
-        moved = read_training_world(world)
+    notes = read.notes
+    if worlds.world is not None:
+        moved = read_training_world(worlds.world)
         starts = tuple(replace(start, pose=moved.pose_to_scene(start.pose)) for start in starts)
+    if worlds.scan is not None:
+        settled, sentence = worlds.scan.settled(starts, worlds.axes)
+        starts, notes = tuple(settled), (*notes, *filter(None, [sentence]))
     for number, start in enumerate(starts, start=1):
         found.append(_incoming(start, finder))
         yield number / len(starts)
-    return Found(found, read.notes)
+    return Found(found, notes)
 
 
 def model_of(path: Path) -> Path:
@@ -126,10 +140,10 @@ class CameraImport(Job):
     at_mouse = True
 
     def __init__(
-        self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool, world: Path | None = None
+        self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool, worlds: Worlds = Worlds()
     ) -> None:
         given = alembic.read(path) if alembic.is_alembic(path) else None
-        super().__init__(partial(read_incoming, path, photos, world, given))
+        super().__init__(partial(read_incoming, path, photos, worlds, given))
         self.step = n_("Reading cameras and photos")
         self.made = self.shown = self.left_out = 0
         self.unfit: list[str] = []

@@ -5,6 +5,7 @@ Nothing here touches Blender.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -12,7 +13,9 @@ from typing import Literal
 import numpy as np
 
 from ...core.batch.find_one import RETRIED, not_found_either
+from ...core.cameras.training_world import ScanAxes, training_turns
 from ...core.geometry.camera import Camera, Pose
+from ...core.geometry.conventions import Orientation
 from ...core.locate import (
     FindProgress,
     FindReport,
@@ -33,6 +36,8 @@ from ..jobs.worker import RefineInputs, refinement
 from ..splat.renderer import SplatRenderer
 from ..support.texts import n_
 
+log = logging.getLogger(__name__)
+
 NEAR_STEP = n_("looking from where the camera stands")
 KNOWN_STEP = n_("looking from solved cameras")
 READING_STEP, PREPARING_STEP, MAP_STEP = n_("reading the photo"), n_("preparing the splat"), n_("searching the map")
@@ -46,10 +51,11 @@ Finding = Generator[FindProgress, None, FindReport]
 
 @dataclass(frozen=True)
 class MapWanted:
-    """What the map is to be, and where it is kept."""
+    """What the map is to be, where it is kept, and which way the axes of the splat's file point."""
 
     settings: MapSettings
     place: MapPlace
+    orientation: Orientation = "Y_DOWN"
 
 
 class GrowingMap:
@@ -57,8 +63,13 @@ class GrowingMap:
 
     def __init__(self, scene: GaussianScene, wanted: MapWanted) -> None:
         """Reads what is kept."""
-        beside = cameras_beside(wanted.place.scan)
-        self._cache = MapCache(scene, wanted.place, wanted.settings, beside[1] if beside else ())
+        beside, axes = cameras_beside(wanted.place.scan), ScanAxes.of(scene)
+        # A copy out of Blender does not know of its file's axes, by which those of the training's cameras may differ.
+        axes = replace(axes, turns=training_turns(wanted.orientation), orientation=wanted.orientation)
+        known, sentence = axes.settled(beside[1] if beside else (), "auto")
+        if sentence:
+            log.info("known cameras: %s", sentence)
+        self._cache = MapCache(scene, wanted.place, wanted.settings, known)
         self.made = self._cache.read()
         self._kept = len(self.made)
         self._making: Iterator[MapStep] | None = None

@@ -20,6 +20,7 @@ from ..jobs.worker import RefineInputs
 from ..refine import job as refine_job
 from ..registration import camera_props, preferences
 from ..splat import object as splat_object
+from ..splat import up_axis
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support.texts import iface_, n_, rpt_
@@ -150,7 +151,7 @@ def finder_of(scene: bpy.types.Scene, splat: bpy.types.Object, renderer: SplatRe
     count, coefficients = len(splat.data.points), splat_object.sh_coefficients(splat)
     needed = memory.find_bytes(count, coefficients, settings.threads, settings.views)
     memory.check("The search", needed, preferences.memory_limit(bpy.context))
-    return known_of(solved_cameras(scene), Finder(renderer, MapWanted(settings, place_of(splat))))
+    return known_of(solved_cameras(scene), Finder(renderer, MapWanted(settings, place_of(splat), up_axis.of(splat))))
 
 
 def solved_cameras(scene: bpy.types.Scene) -> list[tuple[int, Camera]]:

@@ -21,7 +21,8 @@ class GSSMC_FH_splats(bpy.types.FileHandler):
     bl_idname = "GSSMC_FH_splats"
     bl_label = "Gaussian Splats"
     bl_import_operator = "gssmc.import_splats"
-    bl_file_extensions = ";".join(SUFFIXES)
+    # Files of USD that are dropped stay Blender's own, and a file handler knows no whole names.
+    bl_file_extensions = ";".join(suffix for suffix in SUFFIXES if suffix.startswith(".") and not suffix.startswith(".usd"))
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context) -> bool:

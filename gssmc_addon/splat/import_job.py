@@ -37,7 +37,7 @@ class SplatImport(Job):
         self._look: SplatDisplay | None = None
 
     def _steps(self) -> Generator[ReadSplat, None, SplatDisplay]:
-        read = ReadSplat.of(read_splats(self._path, self._progress))
+        read = ReadSplat.of(read_splats(self._path, self._progress, self._placement.level))
         yield read
         return SplatDisplay.of(read, self._viewport)
 

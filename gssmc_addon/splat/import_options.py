@@ -33,13 +33,7 @@ def import_annotations() -> dict[str, object]:
             soft_max=100.0,
             description="Scales the object and leaves the file's coordinates as they are",
         ),
-        "max_shown": IntProperty(
-            name="Most Shown",
-            default=viewport_props.MAX_SHOWN,
-            min=1000,
-            description="The largest number of Gaussians drawn in the viewport; all are imported. "
-            "The panel can change it later",
-        ),
+        **_amounts(),
         "show_colours": BoolProperty(
             name="Colours of Points",
             default=True,
@@ -51,6 +45,25 @@ def import_annotations() -> dict[str, object]:
             options={"HIDDEN", "SKIP_SAVE"},
             description="For scripts: return when all is imported. Off, a window goes on meanwhile, "
             "as it does after the dialog",
+        ),
+    }
+
+
+def _amounts() -> dict[str, object]:
+    """How much of the scan is read, and shown."""
+    return {
+        "max_shown": IntProperty(
+            name="Most Shown",
+            default=viewport_props.MAX_SHOWN,
+            min=1000,
+            description="The largest number of Gaussians drawn in the viewport; all are imported. "
+            "The panel can change it later",
+        ),
+        "level": IntProperty(
+            name="Level",
+            default=0,
+            min=0,
+            description="Of a streamed SOG scan (lod-meta.json) the level of detail; 0 is the finest",
         ),
     }
 

@@ -14,7 +14,7 @@ from mathutils import Matrix
 from ...core.errors import GssmcError, SplatFormatError
 from ...core.geometry import conventions
 from ...core.geometry.conventions import Orientation
-from ...core.splats import SUFFIXES, SplatInfo, inspect_splats
+from ...core.splats import OTHER_SUFFIXES, SUFFIXES, SplatInfo, inspect_splats
 from ...core.splats.scene import GaussianScene
 from ..support.texts import iface_, rpt_
 from ..viewport import clouds as viewport_clouds
@@ -26,7 +26,7 @@ from . import object as splat_object
 from .up_axis import AXIS_WORDS
 
 ADDING_S = 0.05
-FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)
+FILTER = ";".join(f"*{suffix}" for suffix in (*SUFFIXES, *OTHER_SUFFIXES))
 
 
 def describe(path: str) -> list[str]:
@@ -83,11 +83,14 @@ class SplatDisplay:
 
 @dataclass(frozen=True)
 class Placement:
-    """How a splat comes into the scene. `orientation` AUTO takes what its format means, or its file declares."""
+    """How a splat comes into the scene. `orientation` AUTO takes what its format means, or its file declares; `level`: of a
+    streamed scan, 0 the finest.
+    """
 
     orientation: Orientation | Literal["AUTO"] = "AUTO"
     scale: float = 1.0
     max_shown: int = viewport_props.MAX_SHOWN
+    level: int = 0
 
 
 def add_splat(

@@ -7,7 +7,7 @@ import pytest
 
 REPO = Path(__file__).parents[2]
 BLENDER = {"bpy", "bpy_extras", "bmesh", "gpu", "gpu_extras", "mathutils", "bl_ui", "addon_utils", "blf", "aud", "idprop"}
-ALLOWED = {"numpy", "cv2", "scipy", "plyfile", "zstandard"}  # what the extension's wheels and Blender itself bring
+ALLOWED = {"numpy", "cv2", "scipy", "plyfile", "zstandard", "pxr"}  # what the extension's wheels and Blender itself bring
 CORE = sorted((REPO / "core").rglob("*.py"))
 BLENDER_SIDE = sorted([*(REPO / "gssmc_addon").rglob("*.py"), *(REPO / "operators").rglob("*.py"), REPO / "__init__.py"])
 

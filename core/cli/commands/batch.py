@@ -19,6 +19,7 @@ from ...batch.queries import find_queries
 from ...batch.store import ResultStore
 from ...cameras import pose_list, short
 from ...cameras.files import camera_from_dict
+from ...cameras.training_world import AXES, TAKEN
 from ...errors import UsageError
 from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
@@ -26,7 +27,7 @@ from ...pose.settings import RefineSettings
 from ...splats import check_splat_file
 from ...support.words import counted
 from ..console import message, say
-from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, number, settings_from, whole_number
+from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
 from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome, has_camera
 from ..paths import check_outputs
@@ -55,6 +56,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     workers_help = f"processes, each holds the scan ({workers})"
     parser.add_argument("--workers", type=whole_number, default=workers, metavar="N", help=workers_help)
     parser.add_argument("--shared-lens", choices=SHARING, default="auto", help=SHARED_LENS_HELP)
+    add_axes_flag(parser)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser, skip=("threads",))
     return parser
@@ -72,14 +74,14 @@ def run(args: argparse.Namespace) -> Outcome:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
-    store = ResultStore(args.out, query_keys(args.scene, queries, settings, flags.word if args.locate else ""))
+    store = ResultStore(args.out, query_keys(args.scene, queries, settings, _word(args, flags)))
     try:
         with store:
             kept = _finished(store)
             if kept:
                 be = "was finished before and is" if kept == 1 else "were finished before and are"
                 message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
-            Rounds(args.scene, args.workers, settings, flags if args.locate else None).run(queries, store)
+            Rounds(args.scene, args.workers, settings, flags if args.locate else None, args.axes).run(queries, store)
             share_lenses(args.shared_lens, queries, store)
     except KeyboardInterrupt:
         done = f"{_finished(store)} of {counted(len(queries), 'photo')}"
@@ -92,6 +94,11 @@ def run(args: argparse.Namespace) -> Outcome:
     say(", ".join(f"{counts[ending]} {ending}" for ending in endings) + f"; results in {args.out}")
     code = FAILED_VERDICT if counts["failed"] or counts[UNUSABLE] else OK
     return _outcome(args, code, queries, records)
+
+
+def _word(args: argparse.Namespace, flags: MapFlags) -> str:
+    """What besides the settings the answers depend on."""
+    return f"{flags.word if args.locate else ''}{'' if args.axes == AXES[0] else args.axes}"
 
 
 def _finished(store: ResultStore) -> int:
@@ -112,6 +119,9 @@ def _say_lost(records: Sequence[Record], out: Path) -> None:
         message(f"{name}{' '.join(record['reasons'][0].split())}")
     if len(lost) > LISTED:
         message(f"... and {len(lost) - LISTED} more in '{out}'.")
+    told = Counter(reason for record in records for reason in record["reasons"] if reason.startswith(TAKEN))
+    for sentence, count in told.items():
+        message(sentence if count == 1 else f"In {count} of {counted(len(records), 'photo')}: {sentence}")
     nowhere = sum(record["R"] is None and "error" not in record for record in records)
     if nowhere:
         be, have = ("was", "it has") if nowhere == 1 else ("were", "they have")

@@ -12,16 +12,17 @@ from pathlib import Path
 
 from ...cameras import colmap, nerfstudio, pose_list, starts
 from ...cameras.files import StartCamera
-from ...cameras.training_world import FILE, read_training_world
-from ...errors import DatasetError
+from ...cameras.training_world import AXES, FILE, ScanAxes, read_training_world
+from ...errors import DatasetError, UsageError
 from ...geometry.camera import Camera
 from ...geometry.conventions import Similarity
+from ...splats import read_splats
 from ...support.atomic import atomic_write
 from ...support.words import counted
 from ..console import message, say
 from ..convert_scene import WRITERS as SCENE_WRITERS
 from ..convert_scene import convert_scene, is_scene
-from ..flags import CAMERAS_HELP, SCENE_HELP
+from ..flags import CAMERAS_HELP, SCENE_HELP, add_axes_flag, whole_number
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 
@@ -35,6 +36,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     scenes = ", ".join(SCENE_WRITERS)
     parser.add_argument("out", type=Path, help=f"file or, for COLMAP, folder to write; for a scan a file ending in {scenes}")
     parser.add_argument("--to", choices=list(WRITERS), help="layout of OUT (by its ending: .json, .txt = poses, none = colmap)")
+    level = "of a streamed scan: the level that is written, 0 = the finest (0)"
+    parser.add_argument("--level", type=whole_number, default=0, metavar="N", help=level)
+    scan = "the splat file that the cameras belong to: they are written in its coordinates, or as --to-axes says"
+    parser.add_argument("--scan", type=Path, metavar="SCENE", help=scan)
+    add_axes_flag(parser)
+    to_axes = "of the cameras written, with --scan (file)"
+    parser.add_argument("--to-axes", choices=AXES[1:], default=AXES[1], help=to_axes)
     world = parser.add_mutually_exclusive_group()
     world.add_argument("--into-training-world", type=Path, metavar=FILE, help="from transforms.json's world to the splat's")
     world.add_argument("--out-of-training-world", type=Path, metavar=FILE, help="from the splat's world to transforms.json's")
@@ -43,12 +51,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(args: argparse.Namespace) -> Outcome:
     if args.to is None and is_scene(args.out):
-        convert_scene(args.cameras, args.out)
+        convert_scene(args.cameras, args.out, args.level)
         return Outcome(OK)
     layout = args.to or SUFFIXES.get(args.out.suffix.lower())
     if layout is None:
         raise DatasetError(f"The ending of '{args.out.name}' tells no layout; say --to {', --to '.join(WRITERS)}.")
     _check_paths(args, layout)
+    if args.scan is None and (args.axes, args.to_axes) != (AXES[0], AXES[1]):
+        raise UsageError("--axes and --to-axes need the scan that the cameras belong to; give it with --scan.")
     world = _world(args.into_training_world, args.out_of_training_world)
     read = starts(args.cameras)
     found = list(read.placed)
@@ -56,9 +66,20 @@ def run(args: argparse.Namespace) -> Outcome:
         message(note)
     if world is not None:
         found = [replace(start, pose=world.pose_to_scene(start.pose)) for start in found]
+    if args.scan is not None:
+        found = _beside_scan(found, args)
     WRITERS[layout](args.out, found)
     say(f"{counted(len(found), 'camera')} {'was' if len(found) == 1 else 'were'} written to '{args.out}'.")
     return Outcome(OK)
+
+
+def _beside_scan(found: Sequence[StartCamera], args: argparse.Namespace) -> list[StartCamera]:
+    """The cameras in the coordinates of a scan's file, or in the world of its training."""
+    scan = ScanAxes.of(read_splats(args.scan))
+    settled, sentence = scan.settled(found, args.axes)
+    if sentence:
+        message(sentence)
+    return settled if args.to_axes == "file" else scan.into_training_world(settled)
 
 
 def _unfinished(found: Sequence[StartCamera]) -> list[str]:
@@ -76,7 +97,7 @@ def _check_paths(args: argparse.Namespace, layout: str) -> None:
     beside = args.cameras.iterdir() if args.cameras.is_dir() else (args.cameras.with_name(colmap.CAMERAS),)
     read = [args.cameras, *beside]
     worlds = [path for path in (args.into_training_world, args.out_of_training_world) if path is not None]
-    check_outputs(outputs, {"the cameras that are read": read, "the training's world": worlds})
+    check_outputs(outputs, {"the cameras that are read": read, "the training's world": worlds, "the scan": args.scan})
 
 
 def _world(into: Path | None, out_of: Path | None) -> Similarity | None:

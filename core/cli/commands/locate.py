@@ -17,7 +17,7 @@ from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ..console import message
 from ..dropped import say_dropped
-from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
@@ -33,6 +33,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=lens)
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
+    add_axes_flag(parser)
     add_map_flags(parser)
     add_settings_flags(parser)
     return parser

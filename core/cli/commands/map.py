@@ -12,7 +12,7 @@ from ...splats import read_splats
 from ...support.words import counted
 from ..console import message, say
 from ..dropped import say_dropped
-from ..flags import SCENE_HELP, whole_number
+from ..flags import SCENE_HELP, add_axes_flag, whole_number
 from ..maps import MapFlags, add_map_flags
 from ..outcome import INTERRUPTED, OK, Outcome
 from ..paths import check_outputs
@@ -22,6 +22,7 @@ from ..progress import ProgressBar
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("map", help="make the map of a scan, by which photos are found without a start")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
+    add_axes_flag(parser)
     add_map_flags(parser)
     threads_help = "threads that draw a view, 0 = one per core (0)"
     parser.add_argument("--threads", type=whole_number, default=0, metavar="N", help=threads_help)

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from ...batch.find_one import find_target, found_to_dict, joined
-from ...batch.place import into_file, into_scene
-from ...batch.refine_one import read_masked_photo, refine_photo
+from ...batch.place import into_file, starts_in_scene
+from ...batch.refine_one import read_masked_photo, refine_starts
 from ...cameras import camera_file, short
 from ...cameras.files import StartCamera
 from ...cameras.names import names_photo
+from ...cameras.training_world import Axes, ScanAxes
 from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
@@ -27,7 +28,7 @@ from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
 from ..console import message
 from ..dropped import say_dropped
-from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
+from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
@@ -43,6 +44,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=f"{start}; {CAMERAS_HELP}")
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
+    add_axes_flag(parser)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser)
     return parser
@@ -65,7 +67,7 @@ def run(args: argparse.Namespace) -> Outcome:
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
-        placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted)
+        placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
     put_result(args.out, placed.record)
     code = FAILED_VERDICT if placed.record["verdict"] == "failed" else OK
     if placed.report is None:
@@ -98,18 +100,21 @@ class Placing:
         """`flags` None: photos are not searched for."""
         self._renderer, self._scene, self._settings, self._flags = renderer, scene, settings, flags
 
-    def place(self, photo: Photo, wanted: Camera | Unplaced) -> Placed:
-        """The end, in the coordinates of the scan's file."""
-        origin = self._scene.origin
-        placed = self._placed(photo, into_scene(wanted, origin))
-        return Placed(into_file(placed.record, origin), placed.report)
+    def place(self, photo: Photo, wanted: Camera | Unplaced, axes: Axes = "auto") -> Placed:
+        """The end, in the coordinates of the scan's file; `axes`: those of a start."""
+        placed = self._placed(photo, wanted, axes)
+        return Placed(into_file(placed.record, self._scene.origin), placed.report)
 
-    def _placed(self, photo: Photo, wanted: Camera | Unplaced) -> Placed:
+    def _placed(self, photo: Photo, wanted: Camera | Unplaced, axes: Axes) -> Placed:
         if isinstance(wanted, Unplaced):
             return self._find(photo, wanted)
+        starts = starts_in_scene(wanted, ScanAxes.of(self._scene), axes, self._scene.origin)
         with ProgressBar("Refining") as bar:
-            report = refine_photo(self._renderer, photo, wanted, self._settings, lambda p: bar.show(p.fraction, p.step))
+            report = refine_starts(self._renderer, photo, starts, self._settings, lambda p: bar.show(p.fraction, p.step))
             bar.show(1.0, report.verdict)
+        told = [sentence for _, sentence in starts if sentence in report.reasons]
+        for sentence in told:
+            message(sentence)
         first = Placed(report_to_dict(report), report)
         if report.verdict != "failed" or self._flags is None:
             return first

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from ...cameras import starts
+from ...cameras.training_world import ScanAxes
 from ...errors import CameraError, UsageError
 from ...geometry.camera import Camera
 from ...render import RenderedView, Renderer, RenderSettings
@@ -23,7 +24,7 @@ from ...support.picture_names import stem_of
 from ...support.words import counted
 from ..console import message, say
 from ..dropped import say_dropped
-from ..flags import CAMERAS_HELP, SCENE_HELP, number, whole_number
+from ..flags import CAMERAS_HELP, SCENE_HELP, add_axes_flag, number, whole_number
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 
@@ -40,6 +41,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--threads", type=whole_number, default=0, metavar="N", help="CPU threads, 0 = all cores (0)")
     near = "near plane in scene units (as a refinement has it: 0.2, or nearer in a small scan)"
     parser.add_argument("--near", type=number, metavar="D", help=near)
+    add_axes_flag(parser)
     return parser
 
 
@@ -51,6 +53,9 @@ def run(args: argparse.Namespace) -> Outcome:
     _check_paths(args, cameras, names)
     scene = read_splats(args.scene)
     say_dropped(scene)
+    cameras, sentence = ScanAxes.of(scene).settled(cameras, args.axes)
+    if sentence:
+        message(sentence)
     renderer = Renderer(scene, RenderSettings.for_scene(scene, max(0, args.threads), args.near))
     args.outdir.mkdir(parents=True, exist_ok=True)
     milliseconds: list[float] = []

@@ -19,7 +19,7 @@ from ...track.file import track_to_dict
 from ...track.journal import read_found, write_found
 from ..console import message, say
 from ..dropped import say_dropped
-from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, number, settings_from, whole_number
+from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
 from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome
 from ..paths import check_outputs
@@ -47,6 +47,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--smooth", type=number, default=0.0, metavar="FRAMES", help=smooth)
     size = "frames are matched at this length of their longer side, pixels (640)"
     parser.add_argument("--track-long-side", type=whole_number, default=640, metavar="PX", help=size)
+    add_axes_flag(parser)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser)
     return parser
@@ -64,9 +65,9 @@ def run(args: argparse.Namespace) -> Outcome:
     scene = read_splats(args.scene)
     say_dropped(scene)
     key = key_of(1, scan_file_digest(args.scene), str(args.plate.resolve()), stamp(args.plate), list(frames), args.start)
-    key = key_of(key, asdict(settings), asdict(track_settings), str(args.mask))
+    key = key_of(key, asdict(settings), asdict(track_settings), str(args.mask), args.axes)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
-        work = ShotWork(scene, renderer, settings, PlateFrames(plate, args.mask), flags if args.locate else None)
+        work = ShotWork(scene, renderer, settings, PlateFrames(plate, args.mask), flags if args.locate else None, args.axes)
         return _tracked(work, _ShotJob(args, frames, starts, track_settings, key))
 
 

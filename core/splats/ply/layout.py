@@ -97,6 +97,11 @@ def _gaussian_element(vertex: PlyElement | None, layout: PlyLayout) -> PlyElemen
     """The vertex element, checked to hold Gaussians; otherwise SplatFormatError says what the file is instead."""
     names = [p.name for p in vertex.properties] if vertex else []
     if vertex is None or not {"opacity", "f_dc_0", "scale_0", "rot_0"} & set(names):
+        if "scalar_f_dc_0" in names or "scalar_opacity" in names:
+            raise SplatFormatError(
+                "The .ply is a splat that CloudCompare saved as plain points, with its values under other names "
+                "(scalar_opacity); take the splat as it was before, or take 'scalar_' off the names."
+            )
         raise SplatFormatError(
             "The .ply holds a mesh or plain points, no Gaussians (no f_dc_0, opacity, scale_0, rot_0); choose a 3DGS file."
         )

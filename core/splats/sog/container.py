@@ -21,10 +21,13 @@ from ...support.quiet import quiet_opencv
 
 Bytes = NDArray[np.uint8]
 
+LONGEST_NAME = 80
 META, STREAMED = "meta.json", "lod-meta.json"
 ZIP_MAGIC = b"PK\x03\x04"
 LARGEST_FILE, LARGEST_META = 1 << 30, 64 << 20
-LARGEST_PICTURE = 1 << 28  # pixels
+SMALLEST_WEBP = 32  # bytes; OpenCV writes an error of its own about shorter ones
+# A picture of one pixel for each Gaussian may have so many more than there are Gaussians, in rows to make it whole.
+SLACK, SLACK_PIXELS = 2, 1 << 12
 FAULTS = (zipfile.BadZipFile, NotImplementedError, EOFError, RuntimeError, ValueError)
 
 
@@ -44,38 +47,62 @@ class SogFiles:
             raise SplatFormatError(f"The {META} of the SOG scene is no valid JSON; export the scene again.")
         return meta
 
-    def pixels(self, name: Any, at_least: int) -> Bytes:
-        """The pixels (N, 4) of a picture, red green blue alpha, row by row from the top; N >= `at_least`."""
-        return self.picture(name, at_least).reshape(-1, 4)
+    def pixels(self, name: Any, count: int) -> Bytes:
+        """The pixels (N, 4) of a picture with one for each of `count` Gaussians, red green blue alpha, row by row from the top;
+        N >= `count`.
+        """
+        return self.picture(name, count, most_of(count)).reshape(-1, 4)
 
-    def picture(self, name: Any, at_least: int) -> Bytes:
-        """As `pixels`, as a picture (H, W, 4)."""
-        if not isinstance(name, str) or not name or "/" in name or "\\" in name:
-            raise SplatFormatError(f"The {META} of the SOG scene names its pictures wrongly; export the scene again.")
-        data = self._content(name, LARGEST_FILE)
-        size = _size(data)
-        if size is None or not at_least <= size[0] * size[1] <= LARGEST_PICTURE:
-            raise SplatFormatError(f"The picture '{name}' of the SOG scene is damaged or too small; export the scene again.")
+    def check_size(self, name: Any, count: int) -> None:
+        """Raises SplatFormatError unless the picture claims one pixel for each of `count` Gaussians."""
+        self._content_of(name, count, most_of(count))
+
+    def picture(self, name: Any, least: int, most: int) -> Bytes:
+        """A picture (H, W, 4) of at least and at most so many pixels, which is made sure before it is unpacked."""
+        data, size = self._content_of(name, least, most)
         try:
             with quiet_opencv():
                 raw: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error:
             raw = None
         if raw is None or raw.dtype != np.uint8 or raw.shape[:2] != size[::-1]:
-            raise SplatFormatError(f"The picture '{name}' of the SOG scene cannot be decoded; export the scene again.")
+            raise SplatFormatError(f"The picture '{short(name)}' of the SOG scene cannot be decoded; export the scene again.")
         raw = raw.reshape(*raw.shape[:2], -1)
         if raw.shape[2] < 3:
             raw = np.repeat(raw[..., :1], 3, axis=2)
         alpha = raw[..., 3:4] if raw.shape[2] > 3 else np.full_like(raw[..., :1], 255)
         return np.concatenate([raw[..., 2::-1], alpha], axis=2)
 
+    def _content_of(self, name: Any, least: int, most: int) -> tuple[bytes, tuple[int, int]]:
+        """The bytes of a picture, and its (width, height) by its header."""
+        if not isinstance(name, str) or not name or "/" in name or "\\" in name:
+            raise SplatFormatError(f"The {META} of the SOG scene names its pictures wrongly; export the scene again.")
+        data = self._content(name, LARGEST_FILE)
+        size = _size(data)
+        if size is None or not least <= size[0] * size[1] <= most:
+            raise SplatFormatError(
+                f"The picture '{short(name)}' of the SOG scene is damaged, or has another size than its {META} says; "
+                "export the scene again."
+            )
+        return data, size
+
+
+def most_of(count: int) -> int:
+    """The most pixels of a picture with one for each Gaussian."""
+    return SLACK * count + SLACK_PIXELS
+
+
+def short(name: str) -> str:
+    """A name out of a file, fit to stand in a sentence."""
+    return " ".join(name.split())[:LONGEST_NAME]
+
 
 @contextmanager
 def open_files(path: Path) -> Iterator[SogFiles]:
     """The files of the scene at `path`: an archive, a folder, or the meta.json in one. Raises SplatFormatError, and OSError."""
-    if path.is_dir() or not _is_archive(path):
+    if not path.is_file() or not _is_archive(path):
         folder = path if path.is_dir() else path.parent
-        names = {META: path.name if path.is_file() else META}
+        names = {META: META if path.is_dir() else path.name}
         yield SogFiles(lambda name, most: _read(folder / names.get(name, name), most))
         return
     try:
@@ -92,9 +119,11 @@ def _is_archive(path: Path) -> bool:
 
 def _read(file: Path, most: int) -> bytes:
     if not file.is_file():
-        raise SplatFormatError(f"The SOG scene lacks its file '{file.name}'; copy the whole folder.")
+        raise SplatFormatError(f"The SOG scene lacks its file '{short(file.name)}'; copy the whole folder.")
     if file.stat().st_size > most:
-        raise SplatFormatError(f"The file '{file.name}' of the SOG scene is too large to be one; export the scene again.")
+        raise SplatFormatError(
+            f"The file '{short(file.name)}' of the SOG scene is too large to be one; export the scene again."
+        )
     return file.read_bytes()
 
 
@@ -102,17 +131,21 @@ def _unpack(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
     # Some programs put the files into a folder inside the archive.
     found = next((one for one in archive.infolist() if one.filename.rsplit("/", 1)[-1] == name), None)
     if found is None:
-        raise SplatFormatError(f"The archive holds no '{name}', so it is no SOG scene, or a damaged one; export it again.")
+        raise SplatFormatError(
+            f"The archive holds no '{short(name)}', so it is no SOG scene, or a damaged one; export it again."
+        )
     if found.file_size > most:
-        raise SplatFormatError(f"The file '{name}' of the SOG scene is too large to be one; export the scene again.")
+        raise _too_large(name)
     return archive.read(found)
 
 
+def _too_large(name: str) -> SplatFormatError:
+    return SplatFormatError(f"The file '{short(name)}' of the SOG scene is too large to be one; export the scene again.")
+
+
 def _size(data: bytes) -> tuple[int, int] | None:
-    """(width, height) of a WebP (lossless, lossy or extended) or PNG; None of anything else."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
-        return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
-    if data[:4] != b"RIFF" or data[8:12] != b"WEBP" or len(data) < 30:
+    """(width, height) of a WebP (lossless, lossy or extended); None of anything else, of which OpenCV might complain itself."""
+    if data[:4] != b"RIFF" or data[8:12] != b"WEBP" or len(data) < SMALLEST_WEBP:
         return None
     if data[12:16] == b"VP8L":
         bits = int.from_bytes(data[21:25], "little")

@@ -20,12 +20,13 @@ from ...geometry.conventions import Orientation
 from ..activate import SceneBuilder
 from ..format import Progress, SplatFormat, SplatInfo
 from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
-from .container import META, STREAMED, ZIP_MAGIC, Bytes, SogFiles, open_files
+from .container import META, ZIP_MAGIC, Bytes, SogFiles, open_files
 
 ORIENTATION: Orientation = "Y_DOWN"
 LARGEST_COUNT = 1 << 28
 CHUNK_ROWS = 1 << 16
 PALETTE_COLUMNS = 64
+LARGEST_PALETTE = (1 << 16) * 15  # pixels: as many entries as a label can name, each of degree 3
 FIRST_TAG = 252  # of the largest quaternion component
 Look = Callable[[Bytes], Float32Array]  # bytes (n, C) to values (n, C)
 
@@ -36,14 +37,14 @@ def detect(header: bytes) -> bool:
 
 
 def is_folder(path: Path) -> bool:
-    """Whether a folder holds a scene, whole or streamed."""
-    return (path / META).is_file() or (path / STREAMED).is_file()
+    """Whether a folder holds a scene."""
+    return (path / META).is_file()
 
 
 def inspect(path: str | Path) -> SplatInfo:
     """What meta.json says. Raises SplatFormatError."""
-    with open_files(_checked(Path(path))) as files:
-        layout = _Layout(files.meta())
+    with open_files(Path(path)) as files:
+        layout = SogLayout(files.meta())
         return SplatInfo(layout.name, layout.count, layout.degree(files), ORIENTATION)
 
 
@@ -51,9 +52,9 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     """The scene at `path`: an archive, a folder, or its meta.json. `progress` is called with a fraction 0..1 and may raise to
     stop the reading. Raises SplatFormatError, and OSError from the file system.
     """
-    with open_files(_checked(Path(path))) as files:
-        layout = _Layout(files.meta())
-        n, table = layout.count, _Pictures(files, layout)
+    with open_files(Path(path)) as files:
+        layout = SogLayout(files.meta())
+        n, table = layout.count, SogPictures(files, layout)
         builder = SceneBuilder(n, SH_COEFFICIENTS[table.degree])
         for start in range(0, n, CHUNK_ROWS):
             builder.add_activated(*table.rows(slice(start, min(start + CHUNK_ROWS, n))))
@@ -62,15 +63,7 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
     return builder.scene(layout.name, ORIENTATION, antialiased=layout.antialiased)
 
 
-def _checked(path: Path) -> Path:
-    if (path.is_dir() and not (path / META).is_file()) or path.name == STREAMED:
-        raise SplatFormatError(
-            "This is a streamed SOG scene in many parts; choose the meta.json of one part, or export the scene as one .sog."
-        )
-    return path
-
-
-class _Layout:
+class SogLayout:
     """What meta.json says of one scene, its numbers checked. Raises SplatFormatError."""
 
     def __init__(self, meta: dict[str, Any]) -> None:
@@ -128,7 +121,7 @@ class _Layout:
             return 0
         bands = self.part("shN").get("bands")
         if self.version == 1:
-            width = files.picture(self.files("shN", 2)[0], 1).shape[1]
+            width = files.picture(self.files("shN", 2)[0], 1, LARGEST_PALETTE).shape[1]
             bands = next((d for d in (1, 2, 3) if width == PALETTE_COLUMNS * (SH_COEFFICIENTS[d] - 1)), None)
         if bands not in (0, 1, 2, 3):
             raise self._lack("shN.bands")
@@ -138,10 +131,10 @@ class _Layout:
         return SplatFormatError(f"The {META} of the SOG scene lacks a usable '{what}'; export the scene again.")
 
 
-class _Pictures:
+class SogPictures:
     """The pictures of a scene, decoded, and what their bytes mean."""
 
-    def __init__(self, files: SogFiles, layout: _Layout) -> None:
+    def __init__(self, files: SogFiles, layout: SogLayout) -> None:
         n, self.degree, self._version = layout.count, layout.degree(files), layout.version
         lower, upper = layout.files("means", 2)[:2]
         self._lower, self._upper = files.pixels(lower, n), files.pixels(upper, n)
@@ -152,7 +145,7 @@ class _Pictures:
         if self.degree:
             centroids, labels = layout.files("shN", 2)[:2]
             self._labels = files.pixels(labels, n)
-            self._palette = self._entries(files.picture(centroids, 1), layout.look("shN", 3))
+            self._palette = self._entries(files.picture(centroids, 1, LARGEST_PALETTE), layout.look("shN", 3))
 
     def _entries(self, picture: Bytes, look: Look) -> Float32Array:
         """The palette (entries, K - 1, 3), and a last entry of zeros for labels beyond it."""

@@ -8,6 +8,7 @@ attribute that is not empty.
 from __future__ import annotations
 
 import gzip
+import io
 import os
 import struct
 import zlib
@@ -53,6 +54,9 @@ MIN_WINDOW = 1 << 23
 ORIENTATION: Orientation = "Y_UP"  # x right, y up, z back (RUB)
 
 
+Source = Path | bytes
+
+
 @dataclass(frozen=True)
 class SpzHeader:
     """`bits` is the number of fractional bits of positions, `streams` the sizes in version 4's table, at byte `toc`."""
@@ -85,17 +89,24 @@ def first_bytes(header: bytes) -> bytes:
     return plain if plain.startswith(MAGIC) else b""
 
 
-def read_spz_header(path: Path) -> SpzHeader:
+def opened(source: Source) -> IO[bytes]:
+    """The bytes of a file, or those given, to be read."""
+    return io.BytesIO(source) if isinstance(source, bytes) else open(source, "rb")
+
+
+def read_spz_header(source: Source) -> SpzHeader:
     """The header, its numbers checked. Raises SplatFormatError."""
-    with open(path, "rb") as file:
+    with opened(source) as file:
         start = file.read(1 << 12)
         plain = first_bytes(start)
         if len(plain) < HEADER.size:
             raise SplatFormatError("The .spz file is cut off inside its header; copy or export it again.")
         _, version, count, degree, bits, flags, streams = HEADER.unpack(plain)
         packed = start.startswith(GZIP_MAGIC)
-        if not 1 <= version <= 4 or packed == (version == 4):
+        if not 1 <= version <= 4:
             raise SplatFormatError(f"The .spz file is of version {version}; versions 1 to 4 can be read, so export it as one.")
+        if packed == (version == 4):
+            raise _other_packing(version)
         if count == 0 or degree >= len(REST_BY_DEGREE) or bits > MAX_FRACTIONAL_BITS:
             raise SplatFormatError(
                 f"The .spz header has {counted(count, 'Gaussian')}, SH degree {degree} and {counted(bits, 'fractional bit')}; "
@@ -105,13 +116,24 @@ def read_spz_header(path: Path) -> SpzHeader:
         return _read_table(file, header, bool(flags & HAS_EXTENSIONS), streams) if version == 4 else header
 
 
+def _other_packing(version: int) -> SplatFormatError:
+    """What is said of a file that gzip unpacks though it should not, or does not though it should."""
+    if version == 4:
+        return SplatFormatError(
+            "The .spz file of version 4 lies inside gzip, which belongs to versions 1 to 3; unpack it first."
+        )
+    return SplatFormatError(
+        f"The .spz file of version {version} is not packed by gzip, as versions 1 to 3 are; pack it, or export it again."
+    )
+
+
 def _read_table(file: IO[bytes], header: SpzHeader, extended: bool, streams: int) -> SpzHeader:
     """`header` with what only version 4 has. Raises SplatFormatError when the table does not fit the header or the file."""
     wanted = [width * header.count for width in header.widths if width]
     file.seek(0)
     start = file.read(HEADER_V4.size)
     toc = HEADER_V4.unpack(start)[-1] if len(start) == HEADER_V4.size else 0
-    size = os.fstat(file.fileno()).st_size
+    size = file.seek(0, os.SEEK_END)
     if toc < HEADER_V4.size or streams != len(wanted) or toc + streams * TOC_ENTRY.size > size:
         raise SplatFormatError(f"The .spz file's table of {streams} streams does not fit its header; it is damaged.")
     declared = _declared_orientation(file, toc) if extended else None
@@ -212,22 +234,23 @@ class _Part:
 
 
 @contextmanager
-def open_payload(path: Path, header: SpzHeader) -> Iterator[Payload]:
-    """The attributes of a file, which are unpacked once, while they are read. Whoever reads them believes the header's count
-    only once the first attribute has come, and asks `check_end` at the end.
+def open_payload(source: Source, header: SpzHeader) -> Iterator[Payload]:
+    """The attributes of a file, or of its bytes, which are unpacked once, while they are read. Whoever reads them believes the
+    header's count only once the first attribute has come, and asks `check_end` at the end.
 
     Raises SplatFormatError when they are cut off, damaged, or suspiciously many for the file's size.
     """
     if header.version == 4 and zstandard is None:
         raise SplatFormatError("The .spz file is of version 4, which needs Python's zstandard module; export it as version 3.")
-    need, size = header.count * sum(header.widths), path.stat().st_size
+    size = len(source) if isinstance(source, bytes) else source.stat().st_size
+    need = header.count * sum(header.widths)
     if need > max(MAX_EXPANSION * size, ALWAYS_ALLOWED):
         raise SplatFormatError(
             f"The .spz file promises {counted(header.count, 'Gaussian')} in {counted(size, 'byte')}, too many to be "
             "a scan; it is damaged."
         )
     errors = (EOFError, zlib.error, gzip.BadGzipFile, *((zstandard.ZstdError,) if zstandard is not None else ()))
-    with open(path, "rb") as file:
+    with opened(source) as file:
         try:
             yield Payload(file, header)
         except errors:

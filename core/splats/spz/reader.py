@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..format import Progress, SplatFormat, SplatInfo
 from ..scene import SH_COEFFICIENTS, Float32Array, GaussianScene
-from .payload import ORIENTATION, Payload, SpzHeader, first_bytes, open_payload, read_spz_header
+from .payload import ORIENTATION, Payload, Source, SpzHeader, first_bytes, open_payload, read_spz_header
 
 Bytes = NDArray[np.uint8]
 COLOUR_FACTOR = 0.15
@@ -47,11 +47,16 @@ def read(path: str | Path, progress: Progress | None = None) -> GaussianScene:
 
     Raises SplatFormatError, and OSError from the file system.
     """
-    header = read_spz_header(Path(path))
+    return read_source(Path(path), progress)
+
+
+def read_source(source: Source, progress: Progress | None = None) -> GaussianScene:
+    """As `read`, of a file or of the bytes of one."""
+    header = read_spz_header(source)
     position, one, colour, scale, rotation, rest = header.widths
     n, coefficients = header.count, SH_COEFFICIENTS[min(header.degree, MAX_DEGREE)]
     done = _Progress(progress, n * sum(header.widths))
-    with open_payload(Path(path), header) as payload:
+    with open_payload(source, header) as payload:
         means = _grown(payload, position, n, _positions(header), done)
         # As many Gaussians have come as the header claims: from here on it may be believed.
         opacities, scales = np.empty((n, 1), np.float32), np.empty((n, 3), np.float32)

@@ -82,6 +82,25 @@ def test_cameras_of_nerfstudio_follow_its_splat_and_go_back(bpy, extension, scen
         bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "transforms.json"), world=str(world))
 
 
+def test_cameras_of_the_training_stand_in_a_splat_with_other_axes(bpy, extension, cameras, splat_file, tmp_path):
+    """Of an .spz, made of a .ply by half a turn about x: the cameras stand, and come out, as those of the .ply."""
+    splats, files = extension("core.splats"), extension("core.cameras.files")
+    extension("core.splats.spz.write").write_spz(tmp_path / "a.spz", splats.read_splats(splat_file))
+    bpy.ops.gssmc.import_splats(filepath=str(tmp_path / "a.spz"))
+    scene, read = bpy.context.scene, extension("gssmc_addon.camera.bridge").read_camera
+    files.write_cameras(tmp_path / "in.json", cameras)
+    turn = np.diag([1, -1, -1])
+    for axes, sign in (("FILE", np.eye(3)), ("TRAINING", turn)):
+        for obj in [obj for obj in scene.objects if obj.type == "CAMERA"]:
+            bpy.data.objects.remove(obj)
+        bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "in.json"), axes=axes)
+        inside = read(scene, scene.camera, scene.gssmc.splat)
+        np.testing.assert_allclose(inside.pose.centre, sign @ cameras[0].pose.centre, atol=1e-5)
+    assert bpy.ops.gssmc.export_cameras(filepath=str(tmp_path / "out.json"), axes="TRAINING") == {"FINISHED"}
+    for item, wanted in zip(files.read_cameras(tmp_path / "out.json"), cameras, strict=True):
+        same(extension, item, wanted)
+
+
 def test_an_exported_json_tells_verdicts_and_guesses(bpy, extension, scene, tmp_path):
     bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "a.png")), camera="NEW")
     extension("gssmc_addon.registration.camera_props").keep_verdict(scene.camera.data, "check", ("Look.",), 2, 1.0)

@@ -1,8 +1,12 @@
 """File > Import > Gaussian Splats: the layout, its way through a saved file, and what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from samples import counts, random_gaussians, write_ply
+
+DATA = Path(__file__).parents[2] / "data"
 
 
 def attribute(obj, name, width):
@@ -59,6 +63,14 @@ def test_the_object_holds_what_the_reader_read(bpy, extension, splat_file):
     wanted = read_splats(splat_file)
     for name in ("means", "scales", "rotations", "opacities", "sh"):
         np.testing.assert_array_equal(getattr(got, name), getattr(wanted, name))
+
+
+def test_a_level_of_a_streamed_scan(bpy):
+    """Level 0 has 24 Gaussians, level 1 those 15 of them with x < 0."""
+    file = DATA / "streamed_by_splat_transform" / "lod-meta.json"
+    for level, count in ((0, 24), (1, 15)):
+        assert bpy.ops.gssmc.import_splats(filepath=str(file), level=level) == {"FINISHED"}
+        assert len(bpy.context.scene.gssmc.splat.data.points) == count
 
 
 @pytest.mark.parametrize(

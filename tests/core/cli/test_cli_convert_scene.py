@@ -32,7 +32,7 @@ def upright_view(scene):
 
 
 @pytest.mark.parametrize("axes", ["Y_DOWN", "Z_UP"])
-@pytest.mark.parametrize("ending", [".ply", ".spz", ".splat", ".compressed.ply"])
+@pytest.mark.parametrize("ending", [".ply", ".spz", ".splat", ".compressed.ply", ".sog"])
 def test_the_scan_looks_as_before(tmp_path, capsys, axes, ending):
     source = replace(SCENE, orientation=axes)
     if ending == ".splat":
@@ -45,11 +45,11 @@ def test_the_scan_looks_as_before(tmp_path, capsys, axes, ending):
     assert np.abs(upright_view(scene) - upright_view(read_splats(tmp_path / "in.ply"))).max() < 0.06
 
 
-def test_sog_becomes_ply_and_is_not_written(tmp_path, capsys):
+def test_sog_becomes_ply_and_others_are_not_written(tmp_path, capsys):
     assert run(capsys, SOG, tmp_path / "out.ply")[0] == 0
     np.testing.assert_allclose(read_splats(tmp_path / "out.ply").means, read_splats(SOG).means, rtol=1e-6)
-    code, _, warned = run(capsys, SOG, tmp_path / "out.sog")
-    assert code == 2 and "'.sog' files are not written; write .ply" in warned
+    code, _, warned = run(capsys, SOG, tmp_path / "out.ksplat")
+    assert code == 2 and "'.ksplat' files are not written; write .ply" in warned
 
 
 def test_nothing_is_overwritten_and_what_is_lost_is_said(tmp_path, capsys):

@@ -10,7 +10,7 @@ from cli_place import FAST, SIZE
 from ply_files import ply_bytes, raw_table
 from render_scenes import make_scene
 
-from core.batch.place import into_file, into_scene
+from core.batch.place import into_file
 from core.cameras.files import camera_from_dict, camera_to_dict, write_cameras
 from core.cli.main import main
 from core.errors import SplatFormatError
@@ -78,7 +78,7 @@ def test_moving_a_far_scan_moves_its_cameras_alike():
 def test_every_pose_of_a_record_is_told_in_the_files_coordinates():
     pose = Pose(so3_exp(np.array([0.1, 0.2, 0.3])), np.array([1.0, 2.0, 3.0]))
     camera = Camera(Intrinsics(64, 48, 50, 50, 32, 24), pose, "a.png")
-    near = into_scene(camera, UTM)
+    near = camera.relative_to(UTM)
     np.testing.assert_allclose(near.pose.centre, pose.centre - UTM, atol=1e-8)
     record = {**camera_to_dict(near), "start": camera_to_dict(near), "iterations": [{"pose": camera_to_dict(near)}], "x": None}
     told = into_file(record, UTM)

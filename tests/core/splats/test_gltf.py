@@ -12,7 +12,9 @@ from ply_files import ply_bytes, raw_table
 from core.errors import SplatFormatError
 from core.geometry.conventions import Similarity
 from core.geometry.lie import so3_exp
+from core.geometry.quaternion import rotations_of
 from core.splats import inspect_splats, read_splats
+from core.splats.spz.write import write_spz
 from core.splats.transform import transformed
 
 # raw_table(24, 1, seed=5) as splat-transform 2.7.1 writes it, which turns it by 180 degrees about z.
@@ -83,12 +85,67 @@ def test_numbers_may_be_integers(source, tmp_path):
     np.testing.assert_allclose(scene.opacities, shares / 255, atol=1e-6)
 
 
+def spz_model(source, tmp_path, name="KHR_gaussian_splatting_compression_spz_2"):
+    """JSON and numbers of a model whose one primitive is an .spz file, which itself has y up."""
+    write_spz(tmp_path / "inner.spz", source)
+    data = (tmp_path / "inner.spz").read_bytes()
+    accessors = [{"componentType": 5126, "count": len(source), "type": "VEC3"}]
+    extension = {"KHR_gaussian_splatting": {"extensions": {name: {"bufferView": 0}}}}
+    primitive = {"attributes": {"POSITION": 0}, "mode": 0, "extensions": extension}
+    views = [{"buffer": 0, "byteOffset": 4, "byteLength": len(data)}]
+    meshes = [{"primitives": [primitive]}]
+    return {"asset": {"version": "2.0"}, "accessors": accessors, "bufferViews": views, "meshes": meshes}, bytes(4) + data
+
+
+def shapes(scene):
+    """The covariances of the Gaussians."""
+    matrices = np.array([rotations_of(q.astype(np.float64)) for q in scene.rotations])
+    return np.einsum("nij,nj,nkj->nik", matrices, scene.scales.astype(np.float64) ** 2, matrices)
+
+
+@pytest.mark.parametrize("name", ["KHR_gaussian_splatting_compression_spz", "KHR_gaussian_splatting_compression_spz_2"])
+def test_an_spz_inside_is_turned_to_the_axes_of_gltf(source, tmp_path, name):
+    """x left, y up, z front, as the extension has it: half a turn about y from the .spz, about z from the .ply."""
+    content, numbers = spz_model(source, tmp_path, name)
+    scene, info = read_splats(gltf(tmp_path / "a.gltf", content, numbers)), inspect_splats(tmp_path / "a.gltf")
+    inner = transformed(read_splats(tmp_path / "inner.spz"), Similarity(1.0, np.diag([-1.0, 1, -1]), np.zeros(3)), "Y_UP")
+    for value in ("means", "scales", "opacities", "sh"):
+        np.testing.assert_allclose(getattr(scene, value), getattr(inner, value), rtol=1e-5, atol=1e-5, err_msg=value)
+    np.testing.assert_allclose(shapes(scene), shapes(inner), rtol=1e-4, atol=1e-5)
+    assert np.abs(scene.means - moved(source).means).max() < 1e-4
+    assert (info.format, info.count, info.sh_degree, scene.orientation) == ("glTF", 24, 1, "Y_UP")
+
+
+def test_an_spz_inside_may_stand_beside_other_primitives(source, tmp_path):
+    content, numbers = model()
+    inner, data = spz_model(source, tmp_path)
+    content["bufferViews"].append({"buffer": 0, "byteOffset": len(numbers) + 4, "byteLength": len(data) - 4})
+    primitive = inner["meshes"][0]["primitives"][0]
+    extension = primitive["extensions"]["KHR_gaussian_splatting"]["extensions"]
+    extension["KHR_gaussian_splatting_compression_spz_2"]["bufferView"] = len(content["bufferViews"]) - 1
+    content["meshes"][0]["primitives"].append(primitive)
+    scene = read_splats(gltf(tmp_path / "a.gltf", content, numbers + data))
+    assert len(scene) == 48
+    assert np.abs(scene.means[:24] - scene.means[24:]).max() < 1e-4
+
+
+def test_a_damaged_spz_inside_is_one_sentence(source, tmp_path):
+    content, numbers = spz_model(source, tmp_path)
+    content["bufferViews"][0]["byteLength"] -= 30
+    with pytest.raises(SplatFormatError, match="spz file is cut off or damaged"):
+        read_splats(gltf(tmp_path / "a.gltf", content, numbers))
+    content["bufferViews"][0]["byteLength"] = 10**9
+    with pytest.raises(SplatFormatError, match="are damaged"):
+        read_splats(gltf(tmp_path / "a.gltf", content, numbers))
+
+
 def hurt(content, case):
     primitive = content["meshes"][0]["primitives"][0]
     if case == "no splats":
         del primitive["extensions"]
     elif case == "compressed":
-        primitive["extensions"]["KHR_gaussian_splatting"]["extensions"] = {"KHR_gaussian_splatting_compression_spz_2": {}}
+        primitive["extensions"]["KHR_gaussian_splatting"]["extensions"] = {"EXT_other_compression": {}}
+        del content["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]
     elif case == "no rotations":
         del primitive["attributes"]["KHR_gaussian_splatting:ROTATION"]
     elif case == "too long":
@@ -104,7 +161,7 @@ def hurt(content, case):
     ("case", "words"),
     [
         ("no splats", "holds no Gaussian splats"),
-        ("compressed", "are compressed .KHR_gaussian_splatting_compression_spz_2.; export it without"),
+        ("compressed", "are compressed .EXT_other_compression.; export it without"),
         ("no rotations", "are damaged, or are stored in a way"),
         ("too long", "are damaged, or are stored in a way"),
         ("circle", "are damaged, or are stored in a way"),

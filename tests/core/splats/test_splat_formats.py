@@ -256,6 +256,7 @@ def test_every_property_half_or_double(put, kind):
     np.testing.assert_array_equal(scene.sh[:, 8, 2], table["f_rest_23"].astype(np.float32))
 
 
+DATA = Path(__file__).parents[2] / "data"
 SAMPLES = {
     "ply": ply_bytes(raw_table(3)),
     "2DGS ply": ply_bytes({n: v for n, v in raw_table(3).items() if n != "scale_2"}),
@@ -263,18 +264,21 @@ SAMPLES = {
     "compressed ply": random_chunk_ply(3)[0],
     "splat": splat_bytes(splat_records(3)),
     "spz": spz_bytes(spz_rows(3, 0), 3, 0),
-    "glTF": (Path(__file__).parents[2] / "data" / "by_splat_transform.glb").read_bytes(),
-    "sog": (Path(__file__).parents[2] / "data" / "by_splat_transform.sog").read_bytes(),
+    "glTF": (DATA / "by_splat_transform.glb").read_bytes(),
+    "sog": (DATA / "by_splat_transform.sog").read_bytes(),
+    "ksplat": (DATA / "by_gaussian_splats_3d_level_0.ksplat").read_bytes(),
 }
+# Files that are no scene by themselves, or are read by a library that is not everywhere.
+STARTS = {"streamed sog": (DATA / "streamed_by_splat_transform" / "lod-meta.json").read_bytes(), "OpenUSD": b"#usda 1.0\n"}
 
 
-@pytest.mark.parametrize("name", SAMPLES)
+@pytest.mark.parametrize("name", [*SAMPLES, *STARTS])
 def test_content_tells_the_format_whatever_the_name(put, name):
-    assert check_splat_file(put(SAMPLES[name], "wrong.name")).name == name
+    assert check_splat_file(put((SAMPLES | STARTS)[name], "wrong.name")).name == name
 
 
 def test_no_format_is_left_without_a_sample():
-    assert {one.name for one in FORMATS} == set(SAMPLES)
+    assert {one.name for one in FORMATS} == {*SAMPLES, *STARTS}
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -48,6 +48,10 @@ CASES = {
         ply_bytes({name: RAW[name] for name in ("x", "y", "z", "nx", "ny", "nz")}),
         "holds a mesh or plain points, no Gaussians",
     ),
+    "CloudCompare": (
+        ply_bytes({n if n in "xyz" else f"scalar_{n}": v for n, v in raw_table(3, 1).items()}),
+        "a splat that CloudCompare saved as plain points, with its values under other names",
+    ),
     "no vertices": (b"ply\nformat ascii 1.0\nelement face 1\nproperty int a\nend_header\n1\n", "mesh or plain points"),
     "compressed": (
         b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty uint packed_position\nend_header\n\0\0\0\0",
