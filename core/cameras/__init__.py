@@ -103,7 +103,14 @@ def camera_file(path: Path) -> CameraFile:
         return CameraFile(tuple(read_wanted(path)))
     found = LAYOUTS[_known(path)].read(path, "test")
     records = [
-        StartCamera(one.pose, one.name, one.intrinsics, pixel_order=found.pixel_order, lens_of_size=one.lens_of_size)
+        StartCamera(
+            one.pose,
+            one.name,
+            one.intrinsics,
+            pixel_order=found.pixel_order,
+            lens_of_size=one.lens_of_size,
+            wide=one.wide,
+        )
         for one in found.frames
         if one.is_picture
     ]

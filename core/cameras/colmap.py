@@ -114,7 +114,7 @@ def _read_binary(file: Path) -> Frames:
 
 def _frame(name: str, pose: Pose, lens: Lens | None) -> PosedFrame:
     lens = lens or Lens(None)
-    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture)
+    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture, wide=lens.wide)
 
 
 def write_model(folder: Path, cameras: Sequence[Camera]) -> None:

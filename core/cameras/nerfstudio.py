@@ -16,6 +16,7 @@ from ..errors import CameraError, DatasetError
 from ..geometry.camera import Camera, Intrinsics, Pose
 from ..geometry.conventions import pose_from_opengl, pose_to_opengl
 from ..geometry.foreign_lens import BROWN, PANORAMAS, Lens, lens_of
+from ..geometry.wide_lens import WideLens
 from ..support.atomic import atomic_write
 from .files import load_json
 from .text import head
@@ -86,7 +87,7 @@ def _frame(record: Any, top: dict[str, Any], where: str) -> PosedFrame:
         lens = lens_of_size(int(float(values["w"])), int(float(values["h"])))
     except (TypeError, ValueError, OverflowError, ZeroDivisionError, CameraError):
         return PosedFrame(name, pose, problem="the lens is left out, for its values make none")
-    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture)
+    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture, wide=lens.wide)
 
 
 def _pose(matrix: Any, where: str) -> Pose:
@@ -97,10 +98,11 @@ def _pose(matrix: Any, where: str) -> Pose:
         raise DatasetError(f"{where} cannot be used: {said}") from None
 
 
-def _exact(lens: Lens) -> Intrinsics:
-    if lens.intrinsics is None:
+def _exact(lens: Lens) -> Intrinsics | WideLens:
+    found = lens.intrinsics or lens.wide
+    if found is None:
         raise CameraError(f"The photo's lens cannot be used: {lens.problem}.")
-    return lens.intrinsics
+    return found
 
 
 def _lens(values: dict[str, Any]) -> Callable[[int, int], Lens] | None:
