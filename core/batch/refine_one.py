@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..geometry.camera import Camera
+from ..geometry.pinhole_cut import WideCamera
 from ..photos.fit import fit_camera
 from ..photos.mask import masked
 from ..photos.photo import Photo, read_photo
@@ -13,6 +14,7 @@ from ..pose.refine import refine
 from ..pose.report import RefineProgress, RefineReport
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
+from .refine_wide import WideRefinement
 
 
 def read_masked_photo(photo: Path, mask: Path | None) -> Photo:
@@ -28,4 +30,6 @@ def refine_photo(
     on_progress: Callable[[RefineProgress], None] | None = None,
 ) -> RefineReport:
     """Fits the camera to the photo and refines it. Raises the GssmcError of whatever cannot be used."""
+    if isinstance(camera, WideCamera):
+        return WideRefinement(renderer, settings).run(photo, camera, on_progress)
     return refine(renderer, photo, fit_camera(photo, camera), settings, on_progress)

@@ -5,7 +5,7 @@ world-to-camera, OpenCV axes, pixel centres at +0.5. "file" and "dist" may be le
 focal length is no calibration, and so does the "lens" of a result for which it was solved. A start may leave out its whole
 lens (see `StartCamera`): the photo then gives one. "orientation": "stored" says that the camera belongs to the photo's pixels
 before EXIF turns them; "upright", which is also what a file without it means, that it belongs to them afterwards.
-"camera_model" with "coefficients" in place of "dist" is a lens as `wide_json` has it.
+"camera_model" with "coefficients" in place of "dist" is a lens as `geometry.wide_record` has it.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import numpy as np
 
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
+from ..geometry import wide_record
 from ..geometry.pinhole_cut import WideCamera
 from ..geometry.turned_photo import is_quarter_turn, upright_pose
 from ..geometry.wide_lens import WideLens
 from ..support.atomic import atomic_write
-from . import wide_json
 from .types import LensOfSize, lens_of_file
 
 T = TypeVar("T")
@@ -74,7 +74,7 @@ class StartCamera:
             return camera_to_dict(self.camera(self.intrinsics))
         pose = {"R": self.pose.R.tolist(), "t": self.pose.t.tolist()}
         if self.wide is not None:
-            return {"file": self.file, **wide_json.to_dict(self.wide), **order_to_dict(self.pixel_order), **pose}
+            return {"file": self.file, **wide_record.to_dict(self.wide), **order_to_dict(self.pixel_order), **pose}
         return {"file": self.file, **order_to_dict(self.pixel_order), **pose}
 
 
@@ -148,7 +148,7 @@ def camera_from_dict(data: Any, name: str = "The camera") -> Camera:
 
 def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
     """The start in a JSON object: a camera, or a pose without any of the lens's keys. Raises CameraError."""
-    wide = wide_json.from_dict(data, name)
+    wide = _wide(data, name)
     whole = wide is None and isinstance(data, dict) and any(key in data for key in (*NUMBERS, "dist"))
     _check_keys(data, (*(NUMBERS if whole else ()), "R", "t"), name)
     lens = _lens(data, name) if whole else None
@@ -203,6 +203,16 @@ def _lens(data: dict[str, Any], name: str) -> Intrinsics:
         return lens_of_file(Intrinsics(int(numbers["width"]), int(numbers["height"]), fx, fy, cx, cy, distortion))
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
+
+
+def _wide(data: Any, name: str) -> WideLens | None:
+    wide = wide_record.from_dict(data, name)
+    if wide is not None:
+        try:
+            lens_of_file(wide.pinhole())
+        except CameraError as error:
+            raise CameraError(f"{name} cannot be used: {error}") from None
+    return wide
 
 
 def _numbers(value: Any, shape: tuple[int, ...], name: str, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -1,7 +1,7 @@
 """Lenses that need more than k1 k2 p1 p2 k3, as camera JSON has them.
 
 {"camera_model": "OPENCV_FISHEYE", "width", "height", "fx", "fy", "cx", "cy", "coefficients": {"k1": 0.03, ...}} with the names of
-`geometry.lens_models`, which are COLMAP's; of a panorama {"camera_model": "EQUIRECTANGULAR", "width", "height"}.
+`lens_models`, which are COLMAP's; of a panorama {"camera_model": "EQUIRECTANGULAR", "width", "height"}.
 """
 
 from __future__ import annotations
@@ -10,9 +10,8 @@ import math
 from typing import Any
 
 from ..errors import CameraError
-from ..geometry.lens_models import EQUIRECTANGULAR, MODELS
-from ..geometry.wide_lens import WideLens
-from .types import lens_of_file, short
+from .lens_models import EQUIRECTANGULAR, MODELS
+from .wide_lens import WideLens
 
 MODEL, COEFFICIENTS = "camera_model", "coefficients"
 SIZES, LENGTHS = ("width", "height"), ("fx", "fy", "cx", "cy")
@@ -33,7 +32,7 @@ def from_dict(data: Any, name: str) -> WideLens | None:
     if model is None or model in ORDINARY:
         return None
     if model not in MODELS:
-        raise CameraError(f"{name} has the camera_model {short(str(model))}; use one of {', '.join((*ORDINARY, *MODELS))}.")
+        raise CameraError(f"{name} has the camera_model {str(model):.60}; use one of {', '.join((*ORDINARY, *MODELS))}.")
     coefficients = data.get(COEFFICIENTS, {})
     keys = SIZES if model == EQUIRECTANGULAR else (*SIZES, *LENGTHS)
     if not isinstance(coefficients, dict):
@@ -44,11 +43,9 @@ def from_dict(data: Any, name: str) -> WideLens | None:
     try:
         if model == EQUIRECTANGULAR:
             return WideLens.panorama(width, height)
-        lens = WideLens(model, width, height, *(numbers[key] for key in LENGTHS), values)
-        lens_of_file(lens.pinhole())
+        return WideLens(model, width, height, *(numbers[key] for key in LENGTHS), values)
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
-    return lens
 
 
 def _number(data: dict[str, Any], key: str, name: str) -> float:
