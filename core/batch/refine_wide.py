@@ -1,4 +1,4 @@
-"""A photo of a wide lens, or a panorama, refined: cut into pinhole pictures, which are refined, and read as one camera again."""
+"""A photo of a wide lens, or a panorama, refined: cut into pinhole pictures, which are refined, and read as one camera."""
 
 from __future__ import annotations
 

@@ -19,8 +19,8 @@ from typing import Any, TypeVar, get_args
 import numpy as np
 
 from ..errors import CameraError
-from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
 from ..geometry import wide_record
+from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
 from ..geometry.pinhole_cut import WideCamera
 from ..geometry.turned_photo import is_quarter_turn, upright_pose
 from ..geometry.wide_lens import WideLens
@@ -67,6 +67,14 @@ class StartCamera:
             pose = upright_pose(self.pose, orientation) if self.pixel_order == "stored" else self.pose
             return Camera(guess, pose, self.file, focal_guessed=True)
         return Camera(self.intrinsics, self.pose, self.file, self.focal_guessed, self.pixel_order)
+
+    def known_camera(self) -> Camera:
+        """The camera where the file tells its lens with its size. Raises CameraError where it does not."""
+        if self.intrinsics is not None:
+            return self.camera(self.intrinsics)
+        if self.wide is None:
+            raise CameraError("The camera has no lens of a known size; give width, height, fx and fy.")
+        return WideCamera.of(self.wide, self.pose, self.file, self.pixel_order)
 
     def to_dict(self) -> dict[str, Any]:
         """The start as JSON holds it, without the keys of a lens where it has none."""
@@ -124,13 +132,21 @@ def camera_to_dict(camera: Camera) -> dict[str, Any]:
     "orientation" where the camera is not of the upright photo.
     """
     if isinstance(camera, WideCamera):
-        return StartCamera(camera.pose, camera.file, pixel_order=camera.pixel_order, wide=camera.lens).to_dict()
+        start = StartCamera(camera.pose, camera.file, pixel_order=camera.pixel_order, wide=camera.lens)
+        return {**start.to_dict(), **_cut(camera)}
     k = camera.intrinsics
     numbers = {name: getattr(k, name) for name in NUMBERS}
     dist = list(k.dist if k.dist[4] else k.dist[:4])
     guessed = {"focal_guessed": True} if camera.focal_guessed else {}
     pose = {"R": camera.pose.R.tolist(), "t": camera.pose.t.tolist()}
     return {"file": camera.file, **numbers, "dist": dist, **guessed, **order_to_dict(camera.pixel_order), **pose}
+
+
+def _cut(camera: WideCamera) -> dict[str, Any]:
+    """The pinhole that shows the photo's middle, with the same pose, for programs that have no such lens."""
+    if camera.lens.is_panorama:
+        return {}
+    return {"cut": {name: getattr(camera.intrinsics, name) for name in NUMBERS}}
 
 
 def order_to_dict(order: PixelOrder) -> dict[str, str]:

@@ -58,9 +58,7 @@ def _in_front(model: LensModel, n: FloatArray, values: Values) -> FloatArray:
     return model.bend(chart_of_rays(model.chart, rays), values)
 
 
-MODELS: dict[str, Distort] = {
-    name: partial(_in_front, model) for name, model in LENS_MODELS.items() if model.chart != "sphere"
-}
+MODELS: dict[str, Distort] = {name: partial(_in_front, model) for name, model in LENS_MODELS.items() if model.chart != "sphere"}
 
 
 def lens_of(model: str, pinhole: Intrinsics, values: Values) -> Lens:

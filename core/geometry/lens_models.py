@@ -1,9 +1,9 @@
 """Lens models of other programs as formulas: where a ray, given in a model's own coordinates, meets the picture.
 
-A model bends points of a plane at distance 1 ("plane": x/z, y/z), points whose distance from the centre is the ray's angle from
-the axis ("angle", for fisheyes, also beyond 90 degrees), or longitude and latitude ("sphere", for panoramas). What comes out
-times the focal lengths, plus the centre, is the pixel. The formulas are those of COLMAP's, OpenCV's, Metashape's and VisualSFM's
-documentation of their camera models.
+A model bends points of a plane at distance 1 ("plane": x/z, y/z), points whose distance from the centre is the ray's angle
+from the axis ("angle", for fisheyes, also beyond 90 degrees), or longitude and latitude ("sphere", for panoramas). What
+comes out times the focal lengths, plus the centre, is the pixel. The formulas are those of COLMAP's, OpenCV's, Metashape's
+and VisualSFM's documentation of their camera models.
 """
 
 from __future__ import annotations

@@ -64,7 +64,9 @@ def central_cut(lens: WideLens) -> PinholeCut:
     left, right, top, bottom = (math.tan(math.radians(_edge(lens, way))) for way in ((-1, 0), (1, 0), (0, -1), (0, 1)))
     width, height = math.floor(fx * (left + right)), math.floor(fy * (top + bottom))
     if min(left, right, top, bottom) < math.tan(math.radians(SMALLEST_DEG)):
-        raise CameraError(f"The lens {lens.model} shows less than {SMALLEST_DEG:g} degrees beside its axis; correct its values.")
+        raise CameraError(
+            f"The lens {lens.model} shows less than {SMALLEST_DEG:g} degrees beside its axis; correct its values."
+        )
     return PinholeCut("", np.eye(3), Intrinsics(width, height, fx, fy, fx * left, fy * top))
 
 

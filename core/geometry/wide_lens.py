@@ -46,7 +46,9 @@ class WideLens:
             raise CameraError(f"The lens model {self.model} is not known; use one of {', '.join(MODELS)}.")
         strange = [name for name in self.values if name not in self._model.names]
         if strange:
-            raise CameraError(f"The lens model {self.model} has no {strange[0]}; it has {', '.join(self._model.names) or 'none'}.")
+            raise CameraError(
+                f"The lens model {self.model} has no {strange[0]}; it has {', '.join(self._model.names) or 'none'}."
+            )
         if self.is_panorama and abs(self.width - 2 * self.height) > PANORAMA_SLACK * self.width:
             size = f"{self.width} x {self.height}"
             raise CameraError(f"The panorama has {size} pixels, but all around it is twice as wide as high; use it uncropped.")
@@ -100,7 +102,9 @@ class WideLens:
         if np.array_equal(turn, TURNS[1]):
             return self
         if self.is_panorama or any(self.values.get(name) for name in self._model.scales):
-            raise CameraError(f"The photo is turned by its EXIF data, but its lens {self.model} is not; save the photo upright.")
+            raise CameraError(
+                f"The photo is turned by its EXIF data, but its lens {self.model} is not; save the photo upright."
+            )
         size = np.array([self.width, self.height], np.float64)
         width, height = np.abs(turn) @ size
         cx, cy = turn @ (np.array([self.cx, self.cy]) - size / 2) + np.array([width, height]) / 2
@@ -109,8 +113,8 @@ class WideLens:
         for x, y in self._model.vectors:
             if x in values or y in values:
                 values[x], values[y] = (float(value) for value in turn @ (values.get(x, 0.0), values.get(y, 0.0)))
-        lengths = (float(value) for value in (fx, fy, cx, cy))
-        return WideLens(self.model, int(width), int(height), *lengths, tuple(values.items()))
+        fx, fy, cx, cy = (float(value) for value in (fx, fy, cx, cy))
+        return WideLens(self.model, int(width), int(height), fx, fy, cx, cy, tuple(values.items()))
 
     def project(self, points: ArrayLike) -> FloatArray:
         """Camera-space points (N, 3) to pixels (N, 2); NaN where the lens does not see them: behind a plane's model, or beyond

@@ -1,7 +1,7 @@
 """Lenses that need more than k1 k2 p1 p2 k3, as camera JSON has them.
 
-{"camera_model": "OPENCV_FISHEYE", "width", "height", "fx", "fy", "cx", "cy", "coefficients": {"k1": 0.03, ...}} with the names of
-`lens_models`, which are COLMAP's; of a panorama {"camera_model": "EQUIRECTANGULAR", "width", "height"}.
+{"camera_model": "OPENCV_FISHEYE", "width", "height", "fx", "fy", "cx", "cy", "coefficients": {"k1": 0.03, ...}} with the names
+of `lens_models`, which are COLMAP's; of a panorama {"camera_model": "EQUIRECTANGULAR", "width", "height"}.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def from_dict(data: Any, name: str) -> WideLens | None:
     if model is None or model in ORDINARY:
         return None
     if model not in MODELS:
-        raise CameraError(f"{name} has the camera_model {str(model):.60}; use one of {', '.join((*ORDINARY, *MODELS))}.")
+        raise CameraError(f"{name} has the camera_model {model!s:.60}; use one of {', '.join((*ORDINARY, *MODELS))}.")
     coefficients = data.get(COEFFICIENTS, {})
     keys = SIZES if model == EQUIRECTANGULAR else (*SIZES, *LENGTHS)
     if not isinstance(coefficients, dict):
@@ -43,7 +43,8 @@ def from_dict(data: Any, name: str) -> WideLens | None:
     try:
         if model == EQUIRECTANGULAR:
             return WideLens.panorama(width, height)
-        return WideLens(model, width, height, *(numbers[key] for key in LENGTHS), values)
+        fx, fy, cx, cy = (numbers[key] for key in LENGTHS)
+        return WideLens(model, width, height, fx, fy, cx, cy, values)
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
 

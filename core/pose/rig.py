@@ -58,7 +58,7 @@ def face_of(name: str, report: RefineReport, pose: Pose) -> Face:
 
 
 def join_faces(faces: Sequence[Face]) -> JoinedFaces:
-    """The mean of the largest set of faces that agree with one of them, weighted by their information, and what is thought of it.
+    """The mean of the largest set of faces that agree with one of them, weighted by their information, and its verdict.
 
     It is trusted where at least two faces agree, more than disagree, one of which is trusted by itself.
     """

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from ...batch.find_one import find_target, found_to_dict
+from ...batch.find_one import find_target, found_to_dict, whole_found
 from ...batch.place import into_file
 from ...batch.refine_one import read_masked_photo
 from ...cameras.files import StartCamera
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> Outcome:
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
-        found = find_with_progress(renderer, target, flags.cache(scene), settings)
+        found = whole_found(photo, find_with_progress(renderer, target, flags.cache(scene), settings), wanted)
     put_result(args.out, into_file(found_to_dict(found, wanted), scene.origin))
     if found.camera is None or found.refined is None:
         return Outcome(FAILED_VERDICT, args.scene)
@@ -72,5 +72,5 @@ def _say_lens(given: StartCamera | Unplaced, photo: Photo) -> None:
     """Tells what was assumed, and what was given for nothing."""
     if isinstance(given, StartCamera):
         message("The pose in the file of the lens is not used; `refine` begins at it.")
-    if given.intrinsics is None:
+    if given.tells_no_lens:
         message(f"The lens is not known: {guess_lens(photo).assumption}.")

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...batch.find_one import find_target, found_to_dict, joined
+from ...batch.find_one import find_target, found_to_dict, joined, whole_found
 from ...batch.place import into_file, into_scene
 from ...batch.refine_one import read_masked_photo, refine_photo
 from ...cameras import camera_file
@@ -16,6 +16,7 @@ from ...cameras.names import record_of_photo
 from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
+from ...geometry.pinhole_cut import WideCamera
 from ...photos.lens_guess import guess_lens
 from ...photos.mask import find_mask
 from ...photos.photo import Photo
@@ -111,7 +112,8 @@ class Placing:
             report = refine_photo(self._renderer, photo, wanted, self._settings, lambda p: bar.show(p.fraction, p.step))
             bar.show(1.0, report.verdict)
         first = Placed(report_to_dict(report), report)
-        if report.verdict != "failed" or self._flags is None:
+        whole_view = isinstance(wanted, WideCamera) and wanted.lens.is_panorama
+        if report.verdict != "failed" or self._flags is None or whole_view:
             return first
         message("The refinement from the start failed; the photo is searched for without it.")
         found = self._find(photo, Unplaced.of(wanted))
@@ -122,6 +124,7 @@ class Placing:
         assert self._flags is not None
         target = find_target(photo, wanted)
         found = find_with_progress(self._renderer, target, self._flags.cache(self._scene), self._settings)
+        found = whole_found(photo, found, wanted)
         return Placed(found_to_dict(found, wanted), None if found.camera is None else found.refined)
 
 

@@ -19,6 +19,7 @@ from ...geometry.camera import Camera
 from ...render import RenderedView, Renderer, RenderSettings
 from ...splats import read_splats
 from ...support.atomic import atomic_write
+from ...support.words import counted
 from ..console import message, say
 from ..dropped import say_dropped
 from ..flags import CAMERAS_HELP, SCENE_HELP, number, whole_number
@@ -69,9 +70,12 @@ def _cameras(path: Path) -> list[Camera]:
     for note in found.notes:
         message(note)
     for position, start in enumerate(found.placed, 1):
-        if start.intrinsics is None:
+        if start.intrinsics is None and start.wide is None:
             raise CameraError(f"Camera {position} of '{path.name}' has no lens of a known size; give width, height, fx and fy.")
-    return [start.camera(start.intrinsics) for start in found.placed if start.intrinsics is not None]
+    wide = sum(start.wide is not None for start in found.placed)
+    if wide:
+        message(f"The middle of the view is drawn, as a pinhole, for {counted(wide, 'camera')} with a wider lens.")
+    return [start.known_camera() for start in found.placed]
 
 
 def _check_paths(args: argparse.Namespace, cameras: Sequence[Camera], names: Sequence[str]) -> None:
