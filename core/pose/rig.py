@@ -15,6 +15,7 @@ from .verdict.sentences import per_cent
 
 # Two faces agree within so many of their deviations together, and in any case within these, per cent of the depth and degrees.
 DEVIATIONS, ALWAYS_PCT, ALWAYS_DEG = 3.0, 0.3, 0.2
+ENOUGH = 3
 ROTATION_STEPS = 10
 
 
@@ -60,7 +61,8 @@ def face_of(name: str, report: RefineReport, pose: Pose) -> Face:
 def join_faces(faces: Sequence[Face]) -> JoinedFaces:
     """The mean of the largest set of faces that agree with one of them, weighted by their information, and its verdict.
 
-    It is trusted where at least two faces agree, more than disagree, one of which is trusted by itself.
+    It is trusted where at least two faces agree, more than disagree, one of which is trusted by itself; or where so many agree
+    closely that chance is out of the question, for each sees another part of the scene.
     """
     placed = [face for face in faces if face.pose is not None]
     if not placed:
@@ -71,7 +73,8 @@ def join_faces(faces: Sequence[Face]) -> JoinedFaces:
     apart = [_apart(face, pose) for face in used]
     pct, degrees = (max(values) for values in zip(*apart, strict=True))
     against = len(placed) - len(used)
-    sure = len(used) > max(1, against) and any(face.verdict == "trusted" for face in used)
+    closely = len(used) >= ENOUGH and pct <= ALWAYS_PCT and degrees <= ALWAYS_DEG
+    sure = len(used) > max(1, against) and (closely or any(face.verdict == "trusted" for face in used))
     names = " and ".join(", ".join(face.name for face in used).rsplit(", ", 1))
     if len(used) == 1:
         said = f"Only one of {len(faces)} parts of the panorama places the camera ({names}), so that none confirms it"
