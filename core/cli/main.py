@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from ..errors import GssmcError
-from .commands import batch, convert, demo, evaluate, features, locate, refine, render
+from .commands import batch, convert, demo, evaluate, features, locate, refine, render, stmap
 from .commands import map as make_map
 from .console import message
 from .flags import OneLineParser
@@ -25,9 +25,12 @@ COMMANDS = {
     "demo": demo,
     "evaluate": evaluate,
     "convert": convert,
+    "stmap": stmap,
     "features": features,
 }
-WITHOUT_SCENE = frozenset({"evaluate", "convert", "features", "map"})  # a caller that saves scenes has nothing to add to them
+WITHOUT_SCENE = frozenset(
+    {"evaluate", "convert", "stmap", "features", "map"}
+)  # a caller that saves scenes has nothing to add to them
 
 
 def build_parser(

@@ -19,7 +19,7 @@ from ..console import message
 from ..dropped import say_dropped
 from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
-from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..outcome import FAILED_VERDICT, OK, Outcome, shown
 from ..paths import check_outputs
 from ..result import put_result
 from .refine import mask_file, pick_wanted
@@ -64,8 +64,8 @@ def run(args: argparse.Namespace) -> Outcome:
     put_result(args.out, into_file(found_to_dict(found, wanted), scene.origin))
     if found.camera is None or found.refined is None:
         return Outcome(FAILED_VERDICT, args.scene)
-    camera = found.camera.relative_to([-value for value in scene.origin])
-    return Outcome(OK, args.scene, (camera,), (args.photo,), (found.refined,), (mask,))
+    camera, photo_file = shown(found.camera.relative_to([-value for value in scene.origin]), args.photo)
+    return Outcome(OK, args.scene, (camera,), (photo_file,), (found.refined,), (mask if photo_file else None,))
 
 
 def _say_lens(given: StartCamera | Unplaced, photo: Photo) -> None:

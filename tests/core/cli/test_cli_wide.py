@@ -95,12 +95,31 @@ def test_a_batch_cuts_as_well(place, tmp_path):
     assert place.off(record)[0] < 0.2 and record["camera_model"] == "OPENCV_FISHEYE"
 
 
+def test_a_photo_comes_home_through_its_st_map(place, tmp_path, capsys):
+    assert main(["stmap", str(place.cameras(place.fish)), str(tmp_path)]) == 0
+    straight = Camera(place.fish.intrinsics, place.fish.pose, "fish.png")
+    out, stmap = tmp_path / "out.json", tmp_path / "fish_undistort.exr"
+    start = place.cameras(straight)
+    argv = [place.scene, place.folder / "fish.png", "--camera", start, "--stmap", stmap, "--out", out]
+    code = main(["refine", *map(str, argv), *FAST])
+    record = json.loads(out.read_text())
+    assert code == 0 and record["verdict"] in ("trusted", "check"), record["reasons"]
+    assert place.off(record)[0] < 0.2
+    assert (record["width"], record["stmap"]) == (straight.intrinsics.width, str(stmap))
+    assert "as the ST map 'fish_undistort.exr' undistorts it" in capsys.readouterr().err
+    argv[3] = place.cameras(place.fish)
+    assert main(["refine", *map(str, argv), *FAST]) == 2
+    assert "is that of the photo, not of the undistorted picture" in capsys.readouterr().err
+
+
 def test_a_panorama_without_a_start_is_refused(place, tmp_path, capsys):
     file = tmp_path / "lens.json"
     file.write_text(json.dumps({"file": "all.png", "camera_model": "EQUIRECTANGULAR", "width": 2 * SIDE, "height": SIDE}))
     code = main(["locate", str(place.scene), str(place.folder / "all.png"), "--camera", str(file)])
     assert code == 2
-    assert "'all.png' is a panorama, which is refined but not searched for; give a start with R and t." in capsys.readouterr().err
+    assert (
+        "'all.png' is a panorama, which is refined but not searched for; give a start with R and t." in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize("layout", ["json", "colmap", "nerfstudio"])

@@ -1,4 +1,4 @@
-"""Fisheye photos and panoramas made without the project's own lens code: by ray casting, or cut together from rendered faces."""
+"""Fisheye photos and panoramas made without the project's lens code: by ray casting, or cut together from rendered faces."""
 
 import cv2
 import numpy as np
