@@ -19,6 +19,11 @@ def rings(item):
     return {mark.name for mark in item.iter_markers()} & RINGS
 
 
+def group(item):
+    """Tests of a group run in one process: those of a module share rooms and photos, a check inside Blender shares nothing."""
+    return item.nodeid if item.path.name == "test_extension.py" else item.path.as_posix()
+
+
 def default_ring(item):
     """The ring of the innermost folder that has one, else that of a fixture; else the test is a small one."""
     folders = (folder.as_posix() for folder in item.path.relative_to(HERE).parents)
@@ -28,8 +33,11 @@ def default_ring(item):
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
+    divided = config.pluginmanager.hasplugin("xdist")
     for item in items:
+        if divided:
+            item.add_marker(pytest.mark.xdist_group(group(item)))
         if not rings(item):
             item.add_marker(default_ring(item))
         if len(rings(item)) != 1:

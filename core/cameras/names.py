@@ -45,6 +45,11 @@ def record_of_photo(records: Sequence[Record], photo: str, source: str) -> Recor
     return named[0]
 
 
+def names_photo(file: str, photo: str) -> bool:
+    """Whether a record's `file` spells the name of the photo, folders aside."""
+    return name_key(_file_name(file)) == name_key(_file_name(photo))
+
+
 def _file_name(name: str) -> str:
     return name.replace("\\", "/").rsplit("/", 1)[-1]
 

@@ -75,7 +75,7 @@ def main(
             f"The file{where} cannot be used ({error.strerror or error}); check the path, its permissions and the disk."
         )
     except KeyboardInterrupt:
-        message("Interrupted; what was finished is saved.")
+        message("Interrupted; run the command again for what is missing.")
         return INTERRUPTED
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
@@ -103,9 +103,19 @@ class MapFlags:
         return MapCache(scene, self.place, self.settings, [camera.relative_to(scene.origin) for camera in self.known])
 
 
+@contextmanager
+def _telling_where(cache: MapCache) -> Iterator[None]:
+    """Says where the map is kept, if it was not kept anywhere before."""
+    before = cache.stored_in()
+    yield
+    file = cache.stored_in()
+    if before is None and file is not None:
+        message(f"The scan's map, which finds its photos, is kept in '{file}'; --map puts it elsewhere.")
+
+
 def whole_map(cache: MapCache) -> LandmarkMap:
     """The map to its end, made where it is not stored, with progress."""
-    with ProgressBar("Mapping") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
+    with _telling_where(cache), ProgressBar("Mapping") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
         made = LandmarkMap(cache.key)
         for step in steps:
             made = step.map
@@ -115,7 +125,7 @@ def whole_map(cache: MapCache) -> LandmarkMap:
 
 def find_with_progress(renderer: ViewRenderer, target: PhotoLens, cache: MapCache, settings: RefineSettings) -> FindReport:
     """The photo's camera without a start; no more of the map is made than the photo needs, and what is made is stored."""
-    with ProgressBar("Finding") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
+    with _telling_where(cache), ProgressBar("Finding") as bar, closing(cache.steps()) as steps:  # type: ignore[type-var]
 
         def show(progress: FindProgress) -> None:
             refining = f", {progress.refining.step}" if progress.refining else ""

@@ -75,6 +75,20 @@ def left_jacobian_inverse(phi: ArrayLike) -> FloatArray:
     return np.asarray(np.eye(3) - 0.5 * K + (1 - half / np.tan(half)) / (angle * angle) * K @ K)
 
 
+def se3_log(pose: Pose) -> FloatArray:
+    """The vector xi = (rho, phi) (6,) whose `se3_exp` is `pose`."""
+    phi = so3_log(pose.R)
+    return np.concatenate([left_jacobian_inverse(phi) @ pose.t, phi])
+
+
+def adjoint(pose: Pose) -> FloatArray:
+    """The matrix (6, 6) with exp(adjoint xi) = pose exp(xi) pose^-1."""
+    out = np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = pose.R
+    out[:3, 3:] = hat(pose.t) @ pose.R
+    return out
+
+
 def se3_exp(xi: ArrayLike) -> Pose:
     """The rigid motion of xi (6,) = (rho, phi): scene units, radians."""
     xi = np.asarray(xi, np.float64)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from ..errors import PhotoError
 from ..geometry.camera import Camera, Intrinsics, PixelOrder
@@ -12,13 +15,20 @@ from ..geometry.turned_photo import TURNS, is_quarter_turn, upright_camera, upri
 from ..geometry.wide_lens import WideLens
 from .photo import Photo, check_size, same_shape
 
+# What the lens of a photo that can be matched is like. Its focal length as a share of the photo's longer side: from a view of
+# 157 degrees to one of half a degree. How far its principal point may be outside of the photo, as a share of that: cropped
+# photos have theirs outside. And how exactly the middle half of the photo is undistorted and distorted again, in pixels.
+FOCAL_SHARE = (0.1, 100.0)
+OUTSIDE_SHARE = 1.0
+FOLDED_PX = 1.0
+
 
 def fit_camera(photo: Photo, camera: Camera) -> Camera:
     """The camera of the photo's upright pixels at its full size.
 
     Where EXIF turns the photo, the camera may belong to the pixels as they are stored. A quarter turn shows in the sizes; where
     they say nothing (a half turn, a square photo), `camera.pixel_order` decides. Raises PhotoError when the shapes contradict
-    each other, the stored pixels are mirrored, or the photo has to be cut first (`fit_wide`).
+    each other, the stored pixels are mirrored, no photo has such a lens, or the photo has to be cut first (`fit_wide`).
     """
     if isinstance(camera, WideCamera):
         raise PhotoError(
@@ -27,7 +37,8 @@ def fit_camera(photo: Photo, camera: Camera) -> Camera:
         )
     if is_of_stored_pixels(photo, camera.intrinsics, camera.pixel_order):
         camera = upright_camera(camera, photo.orientation)
-    return replace(camera, intrinsics=check_size(photo, camera.intrinsics), pixel_order="upright")
+    lens = check_lens(photo, check_size(photo, camera.intrinsics))
+    return replace(camera, intrinsics=lens, pixel_order="upright")
 
 
 def fit_wide(photo: Photo, lens: WideLens, pixel_order: PixelOrder = "upright") -> WideLens:
@@ -49,7 +60,36 @@ def fit_lens(photo: Photo, lens: Intrinsics, pixel_order: PixelOrder = "upright"
     """As `fit_camera`, of a lens alone."""
     if is_of_stored_pixels(photo, lens, pixel_order):
         lens = upright_lens(lens, photo.orientation)
-    return check_size(photo, lens)
+    return check_lens(photo, check_size(photo, lens))
+
+
+def check_lens(photo: Photo, k: Intrinsics) -> Intrinsics:
+    """`k`, the lens of the photo at its size. Raises PhotoError where no photo that can be matched has such a lens, for then a
+    refinement would fail and blame the pose.
+    """
+    name, side = Path(photo.file).name or "the photo", max(k.width, k.height)
+    if not FOCAL_SHARE[0] <= k.focal / side <= FOCAL_SHARE[1]:
+        view = 2 * math.degrees(math.atan(side / 2 / k.focal))
+        raise PhotoError(
+            f"The focal length of '{name}' is {k.focal:.3g} pixels, a view of {view:.3g} degrees over its {side} pixels, which "
+            "cannot be matched; give it in pixels of the photo, or leave it out to have it found."
+        )
+    margin = OUTSIDE_SHARE * side
+    if not (-margin <= k.cx <= k.width + margin and -margin <= k.cy <= k.height + margin):
+        raise PhotoError(
+            f"The principal point of '{name}' is at ({k.cx:.0f}, {k.cy:.0f}) pixels, far outside of its "
+            f"{k.width} x {k.height}; give it in pixels from the upper left corner, or leave the lens out to have it found."
+        )
+    across, down = np.meshgrid(np.linspace(k.width / 4, k.width * 3 / 4, 9), np.linspace(k.height / 4, k.height * 3 / 4, 9))
+    pixels = np.stack([across.ravel(), down.ravel()], axis=1)
+    n = k.normalise(pixels)
+    off = k.project(np.column_stack([n, np.ones(len(n))])) - pixels
+    if k.has_distortion and not np.nanmax(np.abs(off)) <= FOLDED_PX:
+        raise PhotoError(
+            f"The distortion of '{name}' ({', '.join(f'{d:.3g}' for d in k.dist)}) folds its picture; give k1 k2 p1 p2 k3 as "
+            "OpenCV defines them, or leave the lens out to have it found."
+        )
+    return k
 
 
 def is_of_stored_pixels(photo: Photo, lens: Intrinsics, pixel_order: PixelOrder) -> bool:

@@ -16,10 +16,11 @@ from ..photos.photo import Photo
 from ..render.view import ViewRenderer
 from ..support.steps import converted, run_to_end
 from ..support.words import counted
+from .attempt import DONE, MORE_TRIES, Attempt, Judgement, better, later
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
 from .lens_report import crop_sentence, lens_evidence, lens_numbers, lens_sentence
-from .report import EvidenceOf, IterationRecord, PoseQuality, RefineProgress, RefineReport, Verdict
+from .report import IterationRecord, RefineProgress, RefineReport
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
 from .search.observe import PhotoFeatures, extract_photo_features
 from .settings import RefineSettings
@@ -27,14 +28,12 @@ from .shared.lens import CameraUnknowns, LensPrior
 from .shared.working import WorkingPhoto
 from .verdict import sentences
 from .verdict.verdict import (
-    Apart,
     LoopMatches,
     assess,
     assess_start,
     fits_better,
     is_unsettled,
     judge,
-    sits_well,
 )
 from .verdict.verify import FinalView, view_at
 
@@ -47,13 +46,8 @@ _Work = tuple[list[IterationRecord], np.random.Generator]
 MIN_PHOTO_FEATURES = 30
 # The start is kept where the refined camera agrees with fewer of the photo's corners by more than this share.
 WORSE_AGREEMENT = 0.05
-# Most further runs where a doubt is left, and the share of the progress that is done by then.
-MORE_TRIES = 2
-DONE = 0.97
 # Most iterations of a further run: one from the wide fan, one that settles, one more.
 TRY_ITERATIONS = 3
-# From the worst to the best.
-VERDICTS: tuple[Verdict, ...] = ("failed", "check", "trusted")
 
 
 def refine(
@@ -89,7 +83,7 @@ def _refine_with(
         loop, features = loop.stronger(features, 0, 1)
     if len(features) < MIN_PHOTO_FEATURES:
         reason = f"The photo shows only {counted(len(features), 'feature')}; it is too dark, blurred or plain to be placed."
-        return refinement.report(None, _Judgement("failed", (reason,)), records, began)
+        return refinement.report(None, Judgement("failed", (reason,)), records, began)
     rng = np.random.default_rng(settings.seed)
     tried = yield from refinement.tried(loop, features, camera.pose, (records, rng))
     tried = yield from refinement.tried_again(loop, features, tried, (records, rng))
@@ -98,60 +92,9 @@ def _refine_with(
     return refinement.report(refined, judgement, records, began, None if judgement.is_of("start") else solution)
 
 
-def _later(progress: RefineProgress, done: float) -> RefineProgress:
-    """The progress of a further run, which begins when `done` (0..1) of the whole is."""
-    return replace(progress, fraction=done + (1 - DONE) / MORE_TRIES * progress.fraction)
-
-
-def _better(best: _Try, other: _Try) -> tuple[_Try, bool]:
-    """The better of two runs, with what the other one came to among its details, and whether both found the same camera."""
-    winner, loser = (other, best) if other.merit > best.merit else (best, other)
-    judgement, quality, beaten = winner.judgement, winner.judgement.quality, loser.judgement.quality
-    if quality is None or beaten is None:
-        note, same = sentences.tried_in_vain(), False
-    else:
-        apart = Apart.of(quality, beaten)
-        note, same = sentences.tried_again(apart.distance_pct, apart.degrees, apart.is_same), apart.is_same
-        if not same and judgement.verdict != "failed" and sits_well(beaten):
-            reasons = tuple(r for r in judgement.reasons if judgement.verdict == "check")
-            judgement = replace(
-                judgement, verdict="check", reasons=(sentences.two_places(apart.distance_pct, apart.degrees), *reasons)
-            )
-    return replace(winner, judgement=replace(judgement, details=(*judgement.details, note))), same
-
-
 def solves_lens(settings: RefineSettings, camera: Camera) -> bool:
     """Whether anything of a camera's lens is solved for; "auto" takes a calibration as it is."""
     return camera.focal_guessed if settings.lens == "auto" else settings.lens != "fixed"
-
-
-@dataclass(frozen=True)
-class _Judgement:
-    """The verdict with its words, and the evidence where a pose was found."""
-
-    verdict: Verdict
-    reasons: tuple[str, ...]
-    details: tuple[str, ...] = ()
-    quality: PoseQuality | None = None
-
-    def is_of(self, pose: EvidenceOf) -> bool:
-        """Whether there is evidence and it belongs to the pose named."""
-        return self.quality is not None and self.quality.of == pose
-
-
-@dataclass(frozen=True)
-class _Try:
-    """One run of loop and last stage: the verdict on what it found, that itself, and what the loop came to."""
-
-    judgement: _Judgement
-    solution: FittedCamera | None
-    loop: LoopResult
-
-    @property
-    def merit(self) -> tuple[int, int]:
-        """Greater for the better of two: by the verdict, then by how much of the photo the render sits on."""
-        quality = self.judgement.quality
-        return VERDICTS.index(self.judgement.verdict), quality.region_corners if quality else 0
 
 
 @dataclass(frozen=True)
@@ -173,17 +116,19 @@ class _Refinement:
 
     def tried(
         self, loop: Loop, photo: PhotoFeatures, start: Pose, work: _Work, first: LoopResult | None = None
-    ) -> Generator[RefineProgress, None, _Try]:
+    ) -> Generator[RefineProgress, None, Attempt]:
         """One run from `start`; `first`: what the run from the start camera came to, where this is another one."""
         records, rng = work
         result = yield from loop.run(photo, start, records, rng)
         answer = result.answer
         if answer is None:
-            return _Try(_Judgement("failed", (result.problem,), result.details), None, result)
+            return Attempt(Judgement("failed", (result.problem,), result.details), None, result)
         solution, final = yield from self.finish(photo, answer, len(records), rng)
-        return _Try(self.judge(answer, solution, final, first or result), solution, result)
+        return Attempt(self.judge(answer, solution, final, first or result), solution, result)
 
-    def tried_again(self, loop: Loop, photo: PhotoFeatures, first: _Try, work: _Work) -> Generator[RefineProgress, None, _Try]:
+    def tried_again(
+        self, loop: Loop, photo: PhotoFeatures, first: Attempt, work: _Work
+    ) -> Generator[RefineProgress, None, Attempt]:
         """`first`, or, where more views may settle the doubts about it, the better of it and of further runs, each from a wide
         fan of other views. They end where a run comes to the same camera again, or leaves no doubt.
         """
@@ -192,13 +137,13 @@ class _Refinement:
         for number, start in enumerate(self._other_starts(first)):
             done = DONE + (1 - DONE) * number / MORE_TRIES
             again = self.tried(replace(loop, settings=few, wide=True), photo, start, work, first.loop)
-            other = yield from converted(again, partial(_later, done=done))
-            best, same = _better(best, other)
+            other = yield from converted(again, partial(later, done=done))
+            best, same = better(best, other)
             if same or not is_unsettled(best.judgement.verdict, best.judgement.quality):
                 break
         return best
 
-    def _other_starts(self, first: _Try) -> list[Pose]:
+    def _other_starts(self, first: Attempt) -> list[Pose]:
         """Where further runs begin: at the camera that was found, if the lens is known and the camera may be right, and at the
         start camera.
         """
@@ -249,7 +194,7 @@ class _Refinement:
         lens: Intrinsics = camera.intrinsics.resized(given.width, given.height)
         return replace(self.start, pose=camera.pose, intrinsics=lens, focal_guessed=False)
 
-    def judge(self, answer: Answer, solution: FittedCamera, final: FinalView, loop: LoopResult) -> _Judgement:
+    def judge(self, answer: Answer, solution: FittedCamera, final: FinalView, loop: LoopResult) -> Judgement:
         """The verdict, with the evidence of the pose that is returned, or of the one that is not and why."""
         photo = self.start.intrinsics
         quality = assess(solution, LoopMatches(answer.views, answer.intrinsics.pinhole(), answer.median_depth), final, photo)
@@ -259,8 +204,8 @@ class _Refinement:
         elif loop.start is not None and fits_better(loop.start, final, WORSE_AGREEMENT):
             kept = assess_start(self.start.pose, loop.start, photo, loop.start_depth)
             rejected = sentences.details(replace(quality, of="rejected"))
-            return _Judgement("check", (sentences.start_kept(kept, quality),), (*sentences.details(kept), *rejected), kept)
-        return _Judgement(verdict, reasons, sentences.details(quality), quality)
+            return Judgement("check", (sentences.start_kept(kept, quality),), (*sentences.details(kept), *rejected), kept)
+        return Judgement(verdict, reasons, sentences.details(quality), quality)
 
     def _cropped(self, solution: FittedCamera | None) -> str:
         """That the photo is a crop, where what EXIF says of its focal length was refuted; else nothing."""
@@ -271,7 +216,7 @@ class _Refinement:
     def report(
         self,
         refined: Camera | None,
-        judgement: _Judgement,
+        judgement: Judgement,
         records: Sequence[IterationRecord],
         began: float,
         solution: FittedCamera | None = None,

@@ -81,19 +81,20 @@ class PoseQuality:
     units, over the view that was matched), of the focal length for focal_std_pct. A figure that there is not is NaN, one that
     has no bound infinite.
 
-    views_used: rendered views whose matches hold a two-view pose; inliers: matches in the last fit, over all views;
-    coverage: share (0..1) of the photo's 6 x 6 cells that hold an inlier; rms_px_of_photo: RMS of those inliers' distances from
-    their epipolar lines; disagreement_pct, disagreement_deg: distance between the answers of two halves of the views (NaN with
-    fewer than four views); translation_std_pct, rotation_std_deg, focal_std_pct: standard deviations, from the fit's covariance
-    which knows what the splat's own errors (`joint.SHARED_ERROR`) and a lens that was not solved for may add; lens_log_odds: by
-    how much another lens makes the matches likelier (`lens_doubt`, a natural logarithm), lens_shift_pct, lens_shift_deg: how
-    far that lens would move the camera; corners: the photo's corners over the splat that were looked at; agreement: share of
-    them (0..1) that sit on the final render; offset_px_of_photo: median distance of those that could be followed;
-    similarity: correlation (-1..1) of photo and render, free of exposure. Of the part of the photo in which the render sits:
-    region_corners: corners that stay in place there; region_share: (0..1) of all corners there; region_expected: how many would
-    by chance; region_area: share (0..1) of the photo within their hull; region_offset_px_of_photo: their median displacement;
-    unrivalled: share (0..1) of patches there that the render shows nowhere around better than in their place. A start that was
-    kept took no part in a fit: only what follows lens_shift_deg here is known of it.
+    views_used: rendered views whose matches hold a two-view pose; inliers: matches in the last fit, over all views; coverage:
+    share (0..1) of the photo's 6 x 6 cells that hold an inlier; rms_px_of_photo: RMS of those inliers' distances from their
+    epipolar lines; disagreement_pct, disagreement_deg: distance between the answers of two halves of the views (NaN with fewer
+    than four views); translation_std_pct, rotation_std_deg, focal_std_pct: standard deviations, from the fit's covariance which
+    knows what the splat's own errors (`joint.SHARED_ERROR`) and a lens that was not solved for may add; lens_log_odds: by how
+    much another lens makes the matches likelier (`lens_doubt`, a natural logarithm), lens_shift_pct, lens_shift_deg: how far
+    that lens would move the camera; lens_focal_pct: by how much its focal length is longer; corners: the photo's corners over
+    the splat that were looked at; agreement: share of them (0..1) that sit on the final render; offset_px_of_photo: median
+    distance of those that could be followed; similarity: correlation (-1..1) of photo and render, free of exposure. Of the part
+    of the photo in which the render sits: region_corners: corners that stay in place there; region_share: (0..1) of all corners
+    there; region_expected: how many would by chance; region_area: share (0..1) of the photo within their hull;
+    region_offset_px_of_photo: their median displacement; unrivalled: share (0..1) of patches there that the render shows
+    nowhere around better than in their place. A start that was kept took no part in a fit: only what follows lens_focal_pct
+    here is known of it.
     """
 
     of: EvidenceOf
@@ -116,6 +117,7 @@ class PoseQuality:
     lens_log_odds: float = NAN
     lens_shift_pct: float = 0.0
     lens_shift_deg: float = 0.0
+    lens_focal_pct: float = NAN
     region_corners: int = 0
     region_share: float = 0.0
     region_expected: float = 0.0

@@ -63,6 +63,7 @@ def quality_from_dict(data: Any) -> PoseQuality:
     CameraError, when it is something else.
     """
     pose = Pose(np.array(data["pose"]["R"], np.float64), np.array(data["pose"]["t"], np.float64))
+    data = {"lens_focal_pct": None} | data  # earlier versions did not write it
     values: dict[str, Any] = {f.name: math.nan if data[f.name] is None else data[f.name] for f in fields(PoseQuality)}
     return PoseQuality(**(values | {"pose": pose}))
 

@@ -7,7 +7,6 @@ Each `inside/check_*.py` is a pytest module that runs in a Blender process of it
 import os
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import plan
@@ -16,8 +15,8 @@ import pytest
 HERE = Path(__file__).parent
 REPO = HERE.parents[1]
 LIMIT_S = 480  # far beyond what any check takes, so that only one that hangs is ended
-ENVIRONMENT = dict(os.environ)  # copied once: pytest changes it while the checks are started from threads
-AT_ONCE = 2  # most checks keep one core busy
+# A test run that is divided among processes (pytest-xdist) tells each of them so, which is not meant for those inside Blender.
+ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_XDIST")}
 PYTHONS = {
     (4, 5): REPO / ".venv45" / "bin" / "python",
     (5, 2): Path(sys.executable),
@@ -58,23 +57,9 @@ def extension_zip(tmp_path_factory):
     return next(out.glob("gssmc-*.zip"))
 
 
-@pytest.fixture(scope="session")
-def runs(request, extension_zip, tmp_path_factory):
-    """Every check of this session that is to run in a Blender, started: AT_ONCE at a time, in the order of the tests."""
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        started = {}
-        for item in request.session.items:
-            if "runs" in item.fixturenames and not item.get_closest_marker("skip"):
-                blender, check = item.callspec.params["blender"], item.callspec.params["check"]
-                folder = tmp_path_factory.mktemp(item.callspec.id)
-                started[item.nodeid] = pool.submit(run_inside, PYTHONS[blender], check, extension_zip, folder)
-        yield started
-        pool.shutdown(cancel_futures=True)
-
-
 @pytest.mark.parametrize(("blender", "check"), PARAMETERS)
-def test_inside_blender(blender, check, runs, request):
-    done = runs[request.node.nodeid].result()
+def test_inside_blender(blender, check, extension_zip, tmp_path):
+    done = run_inside(PYTHONS[blender], check, extension_zip, tmp_path)
     assert done.returncode == 0, f"{done.stdout[-8000:]}\n{done.stderr[-2000:]}"
 
 

@@ -104,7 +104,7 @@ RANKS = (
     ("cameras", "render"),
     ("pose",),
     ("locate",),
-    ("pictures", "batch"),
+    ("pictures", "batch", "track"),
     ("synthetic",),
     ("cli",),
 )

@@ -28,7 +28,7 @@ from ...support.words import counted
 from ..console import message, say
 from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
-from ..outcome import FAILED_VERDICT, OK, Outcome, has_camera, shown
+from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome, has_camera, shown
 from ..paths import check_outputs
 from ..rounds import TO_FIND, Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
@@ -72,13 +72,19 @@ def run(args: argparse.Namespace) -> Outcome:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
-    with ResultStore(args.out, query_keys(args.scene, queries, settings, flags.word if args.locate else "")) as store:
-        kept = sum(TO_FIND not in record for record in store.records.values())
-        if kept:
-            be = "was finished before and is" if kept == 1 else "were finished before and are"
-            message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
-        Rounds(args.scene, args.workers, settings, flags if args.locate else None).run(queries, store)
-        share_lenses(args.shared_lens, queries, store)
+    store = ResultStore(args.out, query_keys(args.scene, queries, settings, flags.word if args.locate else ""))
+    try:
+        with store:
+            kept = _finished(store)
+            if kept:
+                be = "was finished before and is" if kept == 1 else "were finished before and are"
+                message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
+            Rounds(args.scene, args.workers, settings, flags if args.locate else None).run(queries, store)
+            share_lenses(args.shared_lens, queries, store)
+    except KeyboardInterrupt:
+        done = f"{_finished(store)} of {counted(len(queries), 'photo')}"
+        message(f"Interrupted; {done} finished, in '{args.out}'. The same command goes on with the others.")
+        return Outcome(INTERRUPTED)
     records = [store.records[i] for i in range(len(queries))]
     _say_lost(records, args.out)
     counts = Counter(_ending(record) for record in records)
@@ -86,6 +92,10 @@ def run(args: argparse.Namespace) -> Outcome:
     say(", ".join(f"{counts[ending]} {ending}" for ending in endings) + f"; results in {args.out}")
     code = FAILED_VERDICT if counts["failed"] or counts[UNUSABLE] else OK
     return _outcome(args, code, queries, records)
+
+
+def _finished(store: ResultStore) -> int:
+    return sum(TO_FIND not in record for record in store.records.values())
 
 
 def _ending(record: Record) -> str:

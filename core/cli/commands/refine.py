@@ -10,9 +10,9 @@ from typing import Any
 from ...batch.find_one import find_target, found_to_dict, joined, whole_found
 from ...batch.place import into_file, into_scene
 from ...batch.refine_one import read_masked_photo, refine_photo
-from ...cameras import camera_file
+from ...cameras import camera_file, short
 from ...cameras.files import StartCamera
-from ...cameras.names import record_of_photo
+from ...cameras.names import names_photo, record_of_photo
 from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
@@ -181,4 +181,7 @@ def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:
     found = camera_file(file)
     for note in found.notes:
         message(note)
-    return record_of_photo(found.records, photo.name, file.name)
+    record = record_of_photo(found.records, photo.name, file.name)
+    if record.file and not names_photo(record.file, photo.name):
+        message(f"The one camera in '{file.name}' is that of '{short(record.file)}'; it is used for '{photo.name}'.")
+    return record

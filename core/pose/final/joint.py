@@ -151,6 +151,24 @@ def _equations(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, sig
 
 
 def _by_matches(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, sigma_px: FloatArray) -> NormalEquations:
+    line = linearised(camera, problem, kind, sigma_px)
+    gradient, information = products(line.jacobian, line.residual)
+    return NormalEquations(CERTAINTY * line.cost, CERTAINTY * gradient, CERTAINTY * information)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A problem's residuals at a camera, in units of their deviations and weighed: `jacobian` (6 + F, 2, M) by xi and the free
+    lens numbers, `residual` (2, M); and their cost.
+    """
+
+    cost: float
+    jacobian: FloatArray
+    residual: FloatArray
+
+
+def linearised(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, sigma_px: FloatArray) -> Linearised:
+    """`problem` at `camera`, where the residuals across the lines have the deviations `sigma_px` (M,), pixels."""
     r = reproject(camera, problem.matches)
     fixed = {"epipolar": np.inf, "depth": 0.0}
     W = whitening(r, sigma_px, fixed.get(kind, problem.matches.depth_std))
@@ -159,11 +177,10 @@ def _by_matches(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, si
     front = r.points[2] > 0
     cost = float((problem.weights * np.where(front, squared / (1 + squared), 1.0)).sum()) * SCALE**2 / 2
     w = np.sqrt(np.where(front, problem.weights, 0.0)) / (1 + squared)
-    gradient, information = _products(r.jacobian(W * w, problem.free), white * w)
-    return NormalEquations(CERTAINTY * cost, CERTAINTY * gradient, CERTAINTY * information)
+    return Linearised(cost, r.jacobian(W * w, problem.free), white * w)
 
 
-def _products(jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+def products(jacobian: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
     """J^T r (n,) and J^T J (n, n) of a Jacobian (n, 2, M) and residuals (2, M). In blocks too small for BLAS to share among
     threads, which would add up in an order that depends on their number.
     """

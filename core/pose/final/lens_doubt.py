@@ -33,12 +33,13 @@ SUSPECTS: Free = (0, 1, 2, 3, 4)
 @dataclass(frozen=True)
 class LensDoubt:
     """What speaks against the lens that a fit held. log_odds: log B of another lens; shift_units (scene units), shift_deg: how
-    far that lens would move the camera.
+    far that lens would move the camera; focal_change: how much longer its focal length is, as a share of the one held.
     """
 
     log_odds: float
     shift_units: float = 0.0
     shift_deg: float = 0.0
+    focal_change: float = 0.0
 
 
 NO_DOUBT = LensDoubt(float("-inf"))
@@ -58,4 +59,8 @@ def doubt(fit: JointFit) -> LensDoubt:
     A = reduced(other.information, more, base)
     # The information holds the prior's part already, so that A is that of the formula with P added.
     chance = np.linalg.slogdet(A)[1] - np.log(prior).sum()
-    return LensDoubt(float(given.cost - other.cost - chance / 2), *pose_error(freer.camera.pose, fit.camera.pose))
+    return LensDoubt(
+        float(given.cost - other.cost - chance / 2),
+        *pose_error(freer.camera.pose, fit.camera.pose),
+        freer.camera.intrinsics.focal / fit.camera.intrinsics.focal - 1,
+    )

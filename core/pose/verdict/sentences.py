@@ -11,6 +11,8 @@ from ...support.words import counted
 from ..report import PoseQuality
 
 CLOSER = "move the camera closer to the photo's view and refine again."
+# A focal length that differs by less is not what is wrong with a lens.
+FOCAL_WORTH_SAYING_PCT = 0.2
 SEARCH_ON = "try more views of the scan, known cameras, or another photo."
 # Of each sentence that speaks of a start: these words, and those for a camera that nobody had placed.
 WITHOUT_START = {
@@ -154,13 +156,17 @@ def focal_uncertain(q: PoseQuality) -> str:
 
 
 def other_lens(q: PoseQuality) -> str:
-    what = "check the lens, or have it solved for"
+    what = "check the lens, or solve for all of it (lens mode full)"
+    focal = ""
+    if isfinite(q.lens_focal_pct) and abs(q.lens_focal_pct) >= FOCAL_WORTH_SAYING_PCT:
+        focal = f", its focal length {abs(q.lens_focal_pct):.1f} % {'longer' if q.lens_focal_pct > 0 else 'shorter'}"
     where = "elsewhere"
     if isfinite(q.lens_shift_pct) and isfinite(q.lens_shift_deg):
         where = f"{per_cent(q.lens_shift_pct)} of the distance to the scene and {q.lens_shift_deg:.2f} degrees off"
     if q.lens_log_odds > 0:
-        return f"The lens does not fit the photo: with another one, which fits better, the camera would stand {where}; {what}."
-    return f"The matches do not tell the lens from another one, with which the camera would stand {where}; {what}."
+        fits = f"with another one{focal}, which fits better, the camera would stand {where}"
+        return f"The lens does not fit the photo: {fits}; {what}."
+    return f"The matches do not tell the lens from another one{focal}, with which the camera would stand {where}; {what}."
 
 
 def details(q: PoseQuality) -> tuple[str, ...]:

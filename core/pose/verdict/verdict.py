@@ -84,6 +84,7 @@ def assess(solution: FittedCamera, loop: LoopMatches, final: FinalView, photo: I
         lens_log_odds=solution.doubt.log_odds,
         lens_shift_pct=100 * solution.doubt.shift_units / depth,
         lens_shift_deg=solution.doubt.shift_deg,
+        lens_focal_pct=100 * solution.doubt.focal_change,
     )
 
 

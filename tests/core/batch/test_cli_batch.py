@@ -222,6 +222,8 @@ def test_interruption_loses_nothing_that_was_finished(place, tmp_path, monkeypat
     error = process.communicate(timeout=PATIENCE_S)[1]
     assert process.returncode == (130 if end == signal.SIGINT else -signal.SIGKILL)
     assert "Traceback" not in error
+    if end == signal.SIGINT:
+        assert f"2 of 3 photos finished, in '{out}'. The same command goes on" in error
     (hook / "hang").unlink()
     while any(alive(int(p.stem)) for p in hook.glob("*.pid")):  # also after a kill: workers end with their input
         assert time.monotonic() < give_up

@@ -40,6 +40,17 @@ def test_a_single_photo_finds_its_camera(project):
     assert start.pixel_order == "stored"
 
 
+def test_the_only_camera_of_a_file_is_taken_for_another_photo_with_a_word(tmp_path, capsys):
+    nerfstudio.write_transforms(tmp_path / "transforms.json", CAMERAS[:1])
+    for photo, said in (
+        ("0.png", ""),
+        ("sub/0.PNG", ""),
+        ("7.png", "The one camera in 'transforms.json' is that of '0.png'; it is used for '7.png'."),
+    ):
+        pick_wanted(tmp_path / "transforms.json", Path(photo))
+        assert capsys.readouterr().err.strip() == said
+
+
 def test_render_takes_them(project):
     assert [camera.file for camera in _cameras(project)] == ["0.png", "1.png", "2.png"]
 

@@ -250,6 +250,14 @@ def test_ctrl_c_keeps_the_smaller_map_and_says_so(place, tmp_path, capsys, monke
     assert out.startswith("3 views")
 
 
+def test_where_a_new_map_is_kept_is_said_once(place, tmp_path, capsys):
+    shutil.copy(place.scene, tmp_path / "s.ply")
+    told = f"is kept in '{tmp_path / 's.ply.gssmc-map'}'"
+    for expected in (1, 0):
+        _, _, err = run(capsys, "locate", tmp_path / "s.ply", place.folder / "photo_0.png", "--views", "1", *FAST)
+        assert err.count(told) == expected
+
+
 def test_ctrl_c_before_the_first_view_leaves_nothing(place, tmp_path, capsys, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt

@@ -54,6 +54,7 @@ def test_a_wrong_lens_is_found_out_and_how_far_it_moved_the_camera(name):
     distance, degrees = pose_error(fit.camera.pose, truth)
     assert found.shift_units == pytest.approx(distance, rel=0.25, abs=0.003)
     assert found.shift_deg == pytest.approx(degrees, rel=0.25, abs=0.05)
+    assert found.focal_change == pytest.approx(WRONG[name].focal / CAMERA.focal - 1, abs=0.004)
 
 
 def _cost(camera, problem, sigma_px):

@@ -154,6 +154,14 @@ def test_a_lens_is_doubted_where_another_may_be_right_and_would_move_the_camera(
     assert sentence in reasons[0]
 
 
+@pytest.mark.parametrize(("pct", "words"), [(3.14, "its focal length 3.1 % longer"), (-0.5, "its focal length 0.5 % shorter")])
+def test_the_doubt_of_a_lens_says_which_focal_length_fits_and_how_to_have_it_solved_for(pct, words):
+    _, reasons = judge(replace(GOOD, lens_log_odds=40.0, lens_shift_pct=1.2, lens_focal_pct=pct))
+    assert words in reasons[0] and "lens mode full" in reasons[0]
+    _, reasons = judge(replace(GOOD, lens_log_odds=40.0, lens_shift_pct=1.2, lens_focal_pct=0.1))
+    assert "focal length" not in reasons[0]
+
+
 def test_no_sentence_ever_holds_a_nan_or_an_infinity():
     floats = [f.name for f in fields(GOOD) if isinstance(getattr(GOOD, f.name), float)]
     spoilt = [{name: value} for name in floats for value in (math.nan, math.inf)]

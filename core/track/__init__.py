@@ -1,0 +1,7 @@
+"""A moving plate tracked: every frame tied to the splat and to its neighbours, then one problem over the whole shot."""
+
+from .report import FrameState, Track, TrackedFrame, TrackProgress
+from .settings import TrackSettings
+from .track import Shot, iterate_track
+
+__all__ = ["FrameState", "Shot", "Track", "TrackProgress", "TrackSettings", "TrackedFrame", "iterate_track"]

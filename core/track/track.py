@@ -1,0 +1,181 @@
+"""A track from its start frames to the end: walks over all frames, then the shot as one problem, then what is to be said."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+
+from ..errors import RefineError
+from ..geometry.camera import Camera, Intrinsics, Pose
+from ..pose.lens_report import shared_numbers
+from ..pose.report import LensNumber, Verdict
+from ..pose.sequence import FramePose, interpolate, nearest, smooth
+from ..pose.shared.lens import LensPrior, moved_lens
+from ..render.view import ViewRenderer
+from ..support.words import counted
+from .frames import GOOD_CELLS, GOOD_MATCHES, GOOD_SHARE, FrameMatcher, ReadFrame
+from .report import FrameState, Track, TrackedFrame, TrackProgress
+from .settings import TrackSettings
+from .shot import ShotProblem, ShotSolution, solve_shot
+from .walk import Found, Recover, Walk
+
+# The RMS of a frame that is called good, in pixels of the frame, reduced to a long side of LONG_SIDE_PX where it is larger.
+GOOD_RMS_PX = 1.0
+LONG_SIDE_PX = 1280
+# A shot is trusted with at least this share of good frames, and fails with fewer tied to the splat than that.
+TRUSTED_SHARE, FAILED_SHARE = 0.9, 0.5
+WALKED = 0.97  # of the progress, when all frames were seen
+
+Tracking = Generator[TrackProgress, None, Track]
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A plate: `read` gives the frame of a number, `frames` are the numbers to track, in order."""
+
+    read: ReadFrame
+    frames: Sequence[int]
+
+
+def iterate_track(
+    renderer: ViewRenderer,
+    shot: Shot,
+    starts: Mapping[int, Camera],
+    settings: TrackSettings,
+    recover: Recover | None = None,
+) -> Tracking:
+    """Tracks all frames; a generator that yields a `TrackProgress` after each and returns the `Track`.
+
+    `starts`: solved cameras of some frames, all with one lens, which belongs to the frames at their full size; poses are
+    world-to-camera in the splat's coordinates. Raises RefineError where there is no start, or none of them sits on the splat.
+    Closing the generator cancels.
+    """
+    began = time.perf_counter()
+    known = {frame: starts[frame] for frame in sorted(starts) if frame in set(shot.frames)}
+    if not known:
+        raise RefineError("No frame of the range has a camera to begin with; give one with a start, or find it first.")
+    camera = next(iter(known.values()))
+    prior = LensPrior.of(camera)
+    walk = Walk(FrameMatcher(renderer, camera.intrinsics, prior, settings.long_side_px), shot.read, Found(), recover)
+    yield from _walked(walk, shot, known)
+    if not walk.found.ties:
+        raise RefineError(f"No frame sits on the splat at its start: {next(iter(walk.found.lost.values()), '')}")
+    solution = _solved(walk, camera, prior, settings)
+    yield TrackProgress(1.0, "solving the shot", shot.frames[-1])
+    return _Ending(walk, shot, camera, solution, settings).track(time.perf_counter() - began)
+
+
+def _walked(walk: Walk, shot: Shot, known: Mapping[int, Camera]) -> Generator[TrackProgress, None, None]:
+    """From each start forward to the next one, and from the first one backward."""
+    frames, starts = list(shot.frames), list(known)
+    done: set[int] = set()
+    for number, start in enumerate(starts):
+        solved = walk.first(start, known[start].pose)
+        done.add(start)
+        if solved is None:
+            continue
+        end = starts[number + 1] if number + 1 < len(starts) else frames[-1] + 1
+        ways = [[f for f in frames if start < f < end]]
+        first = not any(s in walk.found.ties for s in starts[:number])
+        if first:
+            ways.append([f for f in reversed(frames) if f < start and f not in known])
+        for way in ways:
+            for frame in walk.along(way, solved, start):
+                done.add(frame)
+                tie = walk.found.ties.get(frame)
+                found = None if tie is None else replace(known[start], pose=tie.pose)
+                yield TrackProgress(WALKED * len(done) / len(frames), "tracking", frame, found)
+
+
+def _solved(walk: Walk, camera: Camera, prior: LensPrior, settings: TrackSettings) -> ShotSolution:
+    ties = walk.found.ties
+    lens = camera.intrinsics.with_long_side(settings.long_side_px)
+    problem = ShotProblem(
+        {frame: tie.pose for frame, tie in ties.items()},
+        {frame: tie.evidence for frame, tie in ties.items()},
+        [link for link in walk.found.links if link.a in ties and link.b in ties],
+        lens,
+        prior.resized(lens.width, lens.height),
+        settings.solve_lens and not prior.calibrated,
+        settings.rolling_shutter,
+    )
+    return solve_shot(problem)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ending:
+    """What is made of a solved shot."""
+
+    walk: Walk
+    shot: Shot
+    camera: Camera
+    solution: ShotSolution
+    settings: TrackSettings
+
+    @property
+    def lens(self) -> Intrinsics:
+        return moved_lens(self.camera.intrinsics, self.solution.lens_step)
+
+    def track(self, seconds: float) -> Track:
+        poses, depth = self._poses(), median(tie.median_depth for tie in self.walk.found.ties.values())
+        frames = tuple(self._frame(frame, poses[frame]) for frame in self.shot.frames)
+        verdict, reasons = _judge(frames)
+        numbers: tuple[LensNumber, ...] = ()
+        if self.solution.lens_std.any():
+            numbers = shared_numbers(self.lens, self.solution.lens_std)
+        return Track(frames, self.lens, numbers, self.solution.readout, depth, verdict, reasons, seconds)
+
+    def _poses(self) -> dict[int, Pose]:
+        """A pose for every frame: the solved ones, smoothed where that is wanted, the path between these, else the nearest."""
+        solved = [FramePose(frame, self.solution.poses[frame]) for frame in sorted(self.solution.poses)]
+        path = smooth(solved, self.settings.smooth_frames)
+        known = [FramePose(point.frame, pose) for point, pose in zip(solved, path, strict=True)]
+        inside = [f for f in self.shot.frames if known[0].frame <= f <= known[-1].frame]
+        poses = dict(zip(inside, interpolate(known, inside), strict=True))
+        poses |= {point.frame: point.pose for point in known}
+        for frame in self.shot.frames:
+            if frame not in poses:
+                end = nearest(frame, (known[0].frame, known[-1].frame))
+                assert end is not None
+                poses[frame] = poses[end]
+        return poses
+
+    def _frame(self, frame: int, pose: Pose) -> TrackedFrame:
+        camera = replace(self.camera, intrinsics=self.lens, pose=pose, focal_guessed=False)
+        tie = self.walk.found.ties.get(frame)
+        if tie is None:
+            reason = self.walk.found.lost.get(frame, "No frame beside it could be followed to it.")
+            return TrackedFrame(frame, camera, "lost", reason, 0, float("nan"))
+        k = self.camera.intrinsics
+        size = max(k.width, k.height)
+        scale = size / min(size, self.settings.long_side_px)
+        rms = scale * self.solution.rms_px[frame]
+        state, reason = _state(rms * min(1.0, LONG_SIDE_PX / size), tie.evidence.matches, tie.cells, tie.share)
+        return TrackedFrame(frame, camera, state, reason, tie.evidence.matches, rms)
+
+
+def _state(rms_px: float, matches: int, cells: int, share: float) -> tuple[FrameState, str]:
+    if not rms_px <= GOOD_RMS_PX:
+        return "weak", f"Its corners sit on the splat only to {rms_px:.1f} px."
+    if matches < GOOD_MATCHES:
+        return "weak", f"Only {counted(matches, 'corner')} hold it."
+    if cells < GOOD_CELLS:
+        return "weak", "What holds it lies in a small part of the picture."
+    if share < GOOD_SHARE:
+        return "weak", f"Only {100 * share:.0f} % of its corners sit on the splat."
+    return "good", ""
+
+
+def _judge(frames: Sequence[TrackedFrame]) -> tuple[Verdict, tuple[str, ...]]:
+    """The verdict on every frame that there is, in words."""
+    count = {state: sum(f.state == state for f in frames) for state in ("good", "weak", "lost")}
+    said = f"{count['good']} of {counted(len(frames), 'frame')} sit on the splat and are held well"
+    more = [f"{count['weak']} are held loosely"] if count["weak"] else []
+    more += [f"{count['lost']} are not tied to the splat and lie on the path of the others"] if count["lost"] else []
+    sentence = ", ".join([said, *more]) + "."
+    if len(frames) - count["lost"] < FAILED_SHARE * len(frames):
+        return "failed", (f"Fewer than half of the frames could be tied to the splat. {sentence}",)
+    trusted = count["good"] >= TRUSTED_SHARE * len(frames) and not count["lost"]
+    return ("trusted" if trusted else "check"), (sentence,)

@@ -1,0 +1,157 @@
+"""From frame to frame: each solved from the one before, gaps tried again from the other side, what is lost said.
+
+The walk goes from a start frame to the end of its part of the shot. Where a frame is lost (a cut, somebody in front of the
+lens, too much blur), the frames behind it are tried to be found anew, each time after twice as many frames; from where that
+succeeds, the walk goes on, and back into the gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, field
+
+from ..errors import GssmcError
+from ..geometry.camera import Pose
+from ..geometry.lie import se3_exp, se3_log
+from ..photos.photo import Photo
+from .evidence import Evidence, evidence_of
+from .frames import FrameMatcher, ReadFrame, SolvedFrame
+from .shot import Link
+
+# Finds a frame's pose anew: the frame, and the last pose that was known. None where it finds none.
+Recover = Callable[[Photo, Pose], Pose | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Tie:
+    """How a frame is tied to the splat: its evidence, its pose, the share (0..1) of its corners on the splat that sit, cells of
+    the picture that hold one, and the median depth (scene units).
+    """
+
+    pose: Pose
+    evidence: Evidence
+    share: float
+    cells: int
+    median_depth: float
+
+
+@dataclass(eq=False)
+class Found:
+    """What the walks found so far: `ties` and `links` of frames, and why the others are `lost`."""
+
+    ties: dict[int, Tie] = field(default_factory=dict)
+    links: list[Link] = field(default_factory=list)
+    lost: dict[int, str] = field(default_factory=dict)
+
+    def add(self, frame: int, solved: SolvedFrame) -> None:
+        height = solved.photo.intrinsics.height
+        evidence = evidence_of(solved.fit, height)
+        self.ties[frame] = Tie(solved.pose, evidence, solved.share, solved.cells, solved.median_depth)
+        self.lost.pop(frame, None)
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """`matcher` solves frames that `read` gives; `recover`: see Recover, None where nothing is found anew."""
+
+    matcher: FrameMatcher
+    read: ReadFrame
+    found: Found
+    recover: Recover | None = None
+
+    def along(self, frames: Sequence[int], before: SolvedFrame, at: int) -> Generator[int, None, None]:
+        """Solves `frames` one after the other, from `before`, the solved frame `at`; yields each number when it is done."""
+        step, last_at, gap = _Motion(), at, 0
+        step.note(at, before.pose)
+        wanted = 1
+        for frame in frames:
+            solved = self._next(before, last_at, frame, step)
+            if solved is None:
+                gap += 1
+                if gap == wanted and self.recover is not None:
+                    wanted *= 2
+                    solved = self._anew(frame, before.pose)
+                    if solved is not None:
+                        yield from self._back(frames, frame, solved)
+            if solved is not None:
+                self.found.add(frame, solved)
+                if gap:
+                    step = _Motion()
+                step.note(frame, solved.pose)
+                before, last_at, gap, wanted = solved, frame, 0, 1
+            yield frame
+
+    def first(self, frame: int, guess: Pose) -> SolvedFrame | None:
+        """The frame tied to the splat from a start; None where too little holds it, which is noted."""
+        solved = self._solve(frame, guess)
+        if solved is not None:
+            self.found.add(frame, solved)
+        return solved
+
+    def _next(self, before: SolvedFrame, at: int, frame: int, motion: _Motion) -> SolvedFrame | None:
+        try:
+            photo = self.matcher.working(self.read(frame))
+        except GssmcError as error:
+            self.found.lost[frame] = str(error)
+            return None
+        link = self.matcher.link(before, photo, motion.expected(frame))
+        if link is None:
+            self.found.lost[frame] = "The picture changed too much from the frame before to follow it."
+            return None
+        solved = self.matcher.solve(photo, link.camera.pose)
+        if solved is None:
+            self.found.lost[frame] = "Too little of the picture sits on the splat."
+            return None
+        self.found.links.append(Link(at, frame, evidence_of(link, photo.intrinsics.height)))
+        return solved
+
+    def _anew(self, frame: int, last: Pose) -> SolvedFrame | None:
+        assert self.recover is not None
+        try:
+            pose = self.recover(self.read(frame), last)
+        except GssmcError as error:
+            self.found.lost[frame] = str(error)
+            return None
+        return None if pose is None else self._solve(frame, pose)
+
+    def _solve(self, frame: int, guess: Pose) -> SolvedFrame | None:
+        try:
+            solved = self.matcher.solve(self.matcher.working(self.read(frame)), guess)
+        except GssmcError as error:
+            self.found.lost[frame] = str(error)
+            return None
+        if solved is None:
+            self.found.lost[frame] = "Too little of the picture sits on the splat."
+        return solved
+
+    def _back(self, frames: Sequence[int], frame: int, solved: SolvedFrame) -> Generator[int, None, None]:
+        """From a frame that was found anew back into the gap before it, as far as frames can be followed."""
+        earlier = [f for f in frames[: frames.index(frame)] if f in self.found.lost]
+        motion, before, at = _Motion(), solved, frame
+        motion.note(frame, solved.pose)
+        for other in reversed(earlier):
+            again = self._next(before, at, other, motion)
+            if again is None:
+                return
+            self.found.add(other, again)
+            motion.note(other, again.pose)
+            before, at = again, other
+            yield other
+
+
+@dataclass
+class _Motion:
+    """The last poses, and where the next one is expected if the camera goes on as it went."""
+
+    known: list[tuple[int, Pose]] = field(default_factory=list)
+
+    def note(self, frame: int, pose: Pose) -> None:
+        self.known = [*self.known[-1:], (frame, pose)]
+
+    def expected(self, frame: int) -> Pose:
+        at, pose = self.known[-1]
+        if len(self.known) < 2:
+            return pose
+        earlier, before = self.known[0]
+        speed = se3_log(pose @ before.inverse()) / (at - earlier)
+        return se3_exp(speed * (frame - at)) @ pose
