@@ -2,9 +2,10 @@
 
     .venv/bin/python benchmarks/wide_lenses.py [--scenes fox monstree] [--photos N] [--degrees 150]
 
-The fisheye (OPENCV_FISHEYE with all four coefficients) spans --degrees across its picture and has the photo's own resolution in
-its middle; what the photo does not show of it is transparent. OpenCV's fisheye model bends it, not the project's. Beside it
-stands the unbent photo itself from the same start. Errors are per cent of the scan's median depth and degrees.
+The fisheye (OPENCV_FISHEYE with all four coefficients) spans --degrees across the longer side of its picture and has the
+photo's own resolution in its middle; what the photo does not show of it is transparent. OpenCV's fisheye model bends it, not the
+project's. Beside it stands the unbent photo itself from the same start. Errors are per cent of the scan's median depth and
+degrees.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ class Home:
 
 
 def fisheye_of(photo: Photo, k: Intrinsics, degrees: float) -> tuple[Photo, WideLens]:
-    """The photo as a fisheye of that angle across would have taken it, and its lens; centre and focal lengths are its own."""
+    """The photo as a fisheye of that angle across its longer side would have taken it, and that lens."""
     half = np.radians(degrees / 2)
     reach = half * (1 + sum(c * half ** (2 * i + 2) for i, c in enumerate(COEFFICIENTS)))
     fx, fy = k.fx, k.fy * 1.002
-    width, height = round(2 * fx * reach), round(2 * fy * reach * k.height / k.width)
+    width, height = (round(2 * reach * fx * side / max(k.width, k.height)) for side in (k.width, k.height))
     K = np.array([[fx, 0, width / 2 + 3.3], [0, fy, height / 2 - 2.1], [0, 0, 1]])
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     pixels = np.stack([x.ravel(), y.ravel()], axis=1)[:, None]
