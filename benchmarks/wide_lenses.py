@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/wide_lenses.py [--scenes fox monstree] [--photos N] [--degrees 150]
 
 The fisheye (OPENCV_FISHEYE with all four coefficients) spans --degrees across the longer side of its picture and has the
-photo's own resolution in its middle; what the photo does not show of it is transparent. OpenCV's fisheye model bends it, not the
-project's. Beside it stands the unbent photo itself from the same start. Errors are per cent of the scan's median depth and
+photo's own resolution in its middle; what the photo does not show of it is transparent. OpenCV's fisheye model bends it, not
+the project's. Beside it stands the unbent photo itself from the same start. Errors are per cent of the scan's median depth and
 degrees.
 """
 

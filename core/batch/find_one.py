@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from ..cameras.unplaced import Unplaced, wanted_to_dict
-from ..errors import PhotoError
 from ..geometry.camera import Camera
-from ..geometry.pinhole_cut import WideCamera, central_cut
+from ..geometry.pinhole_cut import WideCamera
 from ..geometry.wide_lens import WideLens
 from ..locate import FindReport, Hypothesis, PhotoLens
-from ..photos.cut import CutPhoto, cut_photo
+from ..photos.cut import central_photo
 from ..photos.fit import fit_lens, fit_wide
 from ..photos.photo import Photo
 from ..pose.report import RefineReport
 from ..pose.report_json import failed_to_dict, pose_to_dict, report_to_dict
-from .refine_wide import cut_sentence, lens_of_pixels
+from .refine_wide import cut_sentence
 
 Record = dict[str, Any]
 RETRIED = "Found without the start: the refinement from it failed, so the camera was searched for without it."
@@ -32,7 +30,7 @@ def find_target(photo: Photo, wanted: Camera | Unplaced) -> PhotoLens:
     """
     wide = _wide(wanted)
     if wide is not None:
-        made = _central(photo, fit_wide(photo, wide, wanted.pixel_order))
+        made = central_photo(photo, fit_wide(photo, wide, wanted.pixel_order))
         return PhotoLens(made.photo, made.cut.intrinsics)
     lens = None if wanted.intrinsics is None else fit_lens(photo, wanted.intrinsics, wanted.pixel_order)
     return PhotoLens(photo, lens, wanted.focal_guessed)
@@ -44,7 +42,7 @@ def whole_found(photo: Photo, found: FindReport, wanted: Camera | Unplaced) -> F
     if wide is None:
         return found
     lens = fit_wide(photo, wide, wanted.pixel_order)
-    said = cut_sentence(lens, _central(photo, lens).cut)
+    said = cut_sentence(lens, central_photo(photo, lens).cut)
 
     def whole(camera: Camera) -> WideCamera:
         return WideCamera.of(lens, camera.pose, wanted.file)
@@ -61,15 +59,6 @@ def _wide(wanted: Camera | Unplaced) -> WideLens | None:
     if isinstance(wanted, Unplaced):
         return wanted.wide
     return wanted.lens if isinstance(wanted, WideCamera) else None
-
-
-def _central(photo: Photo, lens: WideLens) -> CutPhoto:
-    """The cut of the photo's middle. Raises PhotoError of a panorama."""
-    if lens.is_panorama:
-        name = Path(photo.file).name or "The photo"
-        raise PhotoError(f"'{name}' is a panorama, which is refined but not searched for; give a start with R and t.")
-    pixels = lens_of_pixels(photo, lens)
-    return cut_photo(photo, pixels, central_cut(pixels))
 
 
 def found_to_dict(found: FindReport, wanted: Unplaced) -> Record:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..geometry.camera import Camera
 from ..geometry.pinhole_cut import PinholeCut, WideCamera, cuts_of
 from ..geometry.wide_lens import WideLens
-from ..photos.cut import CutPhoto, cut_photo
+from ..photos.cut import CutPhoto, central_photo, cut_photo, lens_of_pixels
 from ..photos.fit import fit_wide_camera
 from ..photos.photo import Photo
 from ..pose.refine import refine
@@ -29,13 +29,11 @@ class WideRefinement:
     def run(self, photo: Photo, camera: WideCamera, on_progress: OnProgress | None = None) -> RefineReport:
         """The report, whose camera is the photo's own. Raises the GssmcError of whatever cannot be used."""
         start = fit_wide_camera(photo, camera)
-        lens = lens_of_pixels(photo, start.lens)
-        if lens.is_panorama:
-            return self._panorama(photo, lens, start, on_progress)
-        (cut,) = cuts_of(lens)
-        made = cut_photo(photo, lens, cut)
+        if start.lens.is_panorama:
+            return self._panorama(photo, lens_of_pixels(photo, start.lens), start, on_progress)
+        made = central_photo(photo, start.lens)
         report = self._cut(made, start, on_progress)
-        reasons = (*report.reasons, cut_sentence(lens, made.cut))
+        reasons = (*report.reasons, cut_sentence(start.lens, made.cut))
         return replace(report, camera=replace(start, pose=report.camera.pose), start=start, reasons=reasons)
 
     def _cut(self, made: CutPhoto, start: WideCamera, on_progress: OnProgress | None) -> RefineReport:
@@ -62,12 +60,6 @@ class WideRefinement:
             stage="faces",
             details=tuple(_details(cuts, reports)),
         )
-
-
-def lens_of_pixels(photo: Photo, lens: WideLens) -> WideLens:
-    """The lens at the size of the photo's pixels, which may be fewer than its own."""
-    height, width = photo.pixels.shape[:2]
-    return lens.resized(width, height)
 
 
 def cut_sentence(lens: WideLens, cut: PinholeCut) -> str:

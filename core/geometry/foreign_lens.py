@@ -31,7 +31,7 @@ RADII, DIRECTIONS = 60, 48
 TOLERANCE = 5e-4
 # An error that nobody has to be told.
 UNSAID_PX = 0.05
-CUT = "refine and batch match its photo through pinhole cuts of it, and elsewhere the lens is left out"
+CUT = "its photo is matched through pinhole cuts of it"
 EXACT = ("k1", "k2", "p1", "p2", "k3")
 ALL_AROUND = (EQUIRECTANGULAR, "SPHERICAL")
 UNSEEN = ("ORTHOPHOTO", "CYLINDRICAL")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import PhotoError
 from ..geometry.camera import FloatArray
 from ..geometry.conventions import pixel_centres, to_opencv_pixels
-from ..geometry.pinhole_cut import PinholeCut
+from ..geometry.pinhole_cut import PinholeCut, central_cut
 from ..geometry.wide_lens import WideLens
 from .photo import Photo
 
@@ -49,6 +50,26 @@ def cut_photo(photo: Photo, lens: WideLens, cut: PinholeCut) -> CutPhoto:
         seen[top : top + count] = cv2.remap(source.seen, at[..., 0], at[..., 1], cv2.INTER_LINEAR) >= SEEN
     whole = replace(photo, pixels=pixels, mask=seen, full_size=None, focal_35mm=None, orientation=1)
     return _trimmed(whole, seen, cut)
+
+
+def central_photo(photo: Photo, lens: WideLens) -> CutPhoto:
+    """The pinhole picture of the photo's middle, with a note that it is one. `lens` belongs to the photo at its full size.
+
+    Raises PhotoError of a panorama, which has no middle that stands for it, and CameraError where the lens shows nothing.
+    """
+    if lens.is_panorama:
+        name = Path(photo.file).name or "The photo"
+        raise PhotoError(f"'{name}' is a panorama, which the command 'refine' places from a start with R and t, and no other.")
+    pixels = lens_of_pixels(photo, lens)
+    made = cut_photo(photo, pixels, central_cut(pixels))
+    note = f"The photo is used through a pinhole cut of {made.cut.degrees:.0f} degrees out of its lens {lens.model}."
+    return replace(made, photo=replace(made.photo, notes=(*photo.notes, note)))
+
+
+def lens_of_pixels(photo: Photo, lens: WideLens) -> WideLens:
+    """The lens at the size of the photo's pixels, which may be fewer than its own."""
+    height, width = photo.pixels.shape[:2]
+    return lens.resized(width, height)
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,8 +32,8 @@ def fit_camera(photo: Photo, camera: Camera) -> Camera:
     """
     if isinstance(camera, WideCamera):
         raise PhotoError(
-            f"'{Path(photo.file).name or 'The photo'}' was taken through a lens {camera.lens.model}, which Blender has not; "
-            "place it with the command 'refine' or 'batch', which cuts such a photo into pinhole pictures, or undistort it."
+            f"'{Path(photo.file).name or 'The photo'}' was taken through a lens {camera.lens.model}, which has to be cut into "
+            "pinhole pictures; place it with the command 'refine' or 'batch', or undistort it."
         )
     if is_of_stored_pixels(photo, camera.intrinsics, camera.pixel_order):
         camera = upright_camera(camera, photo.orientation)

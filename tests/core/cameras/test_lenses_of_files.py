@@ -83,7 +83,7 @@ def test_the_five_coefficients_say_it_within_what_is_told(model):
     inside = (true > 0).all(axis=1) & (true < SIZE).all(axis=1)
     if lens.intrinsics is None:
         assert model in {"THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE"}
-        assert "pixels off with k1 k2 p1 p2 k3: refine and batch match its photo through" in lens.problem
+        assert "pixels off with k1 k2 p1 p2 k3: its photo is matched through" in lens.problem
         ahead = lens.wide.project(np.column_stack([rays, np.ones(len(rays))]))
         np.testing.assert_allclose(ahead[inside], true[inside], atol=1e-9)
         return
@@ -173,7 +173,9 @@ def test_a_fisheye_is_no_pinhole(tmp_path):
     wide = transforms(tmp_path, camera_model="OPENCV_FISHEYE", fl_x=200, fl_y=200)
     assert wide.placed[0].intrinsics is None
     assert wide.placed[0].wide == WideLens("OPENCV_FISHEYE", 640, 480, 200, 200, 321, 239.5, (("k1", 0.1),))
-    assert wide.notes[0].startswith("1 camera of 'transforms.json': the lens OPENCV_FISHEYE sees more than 120 degrees: refine")
+    assert wide.notes[0].startswith(
+        "1 camera of 'transforms.json': the lens OPENCV_FISHEYE sees more than 120 degrees: its photo"
+    )
     assert transforms(tmp_path, camera_model="EQUIRECTANGULAR", w=800, h=400).placed[0].wide == WideLens.panorama(800, 400)
     with pytest.raises(DatasetError, match="twice as wide as high"):
         transforms(tmp_path, camera_model="EQUIRECTANGULAR")

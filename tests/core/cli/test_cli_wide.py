@@ -117,9 +117,7 @@ def test_a_panorama_without_a_start_is_refused(place, tmp_path, capsys):
     file.write_text(json.dumps({"file": "all.png", "camera_model": "EQUIRECTANGULAR", "width": 2 * SIDE, "height": SIDE}))
     code = main(["locate", str(place.scene), str(place.folder / "all.png"), "--camera", str(file)])
     assert code == 2
-    assert (
-        "'all.png' is a panorama, which is refined but not searched for; give a start with R and t." in capsys.readouterr().err
-    )
+    assert "'all.png' is a panorama, which the command 'refine' places from a start with R and t" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("layout", ["json", "colmap", "nerfstudio"])

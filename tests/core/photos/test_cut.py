@@ -78,5 +78,5 @@ def test_a_turned_photos_camera_is_turned_and_resized(room):
     point = POSE.inverse().transform([[0.3, 0.2, 1.0]])
     u, v = stored.lens.project(POSE.transform(point))[0]
     np.testing.assert_allclose(fitted.lens.project(fitted.pose.transform(point))[0], [(400 - v) / 2, u / 2], atol=1e-9)
-    with pytest.raises(PhotoError, match="lens OPENCV_FISHEYE, which Blender has not; place it with the command 'refine'"):
+    with pytest.raises(PhotoError, match="lens OPENCV_FISHEYE, which has to be cut into pinhole pictures; place it with"):
         fit_camera(photo, stored)
