@@ -18,13 +18,19 @@ def put_result(out: Path | None, record: dict[str, Any]) -> None:
         say(text)
         message(summary(record))
         return
+    write_json(out, record)
+    say(summary(record))
+
+
+def write_json(out: Path, data: dict[str, Any]) -> None:
+    """Writes `data` in one step. Raises OSError, after it said it: what was found is not lost."""
+    text = json.dumps(data, indent=1)
     try:
         with atomic_write(out) as file:
             file.write(text + "\n")
     except OSError:
-        say(text)  # what was found is not lost
+        say(text)
         raise
-    say(summary(record))
 
 
 def summary(record: dict[str, Any]) -> str:

@@ -45,11 +45,12 @@ def sample_cameras(count: int = 6) -> list[Camera]:
     for k in range(count):
         turn = 2 * np.pi * k / count
         centre = np.array([0.55 * np.sin(turn), -0.12 + 0.16 * np.cos(2 * turn), 0.1 + 0.35 * np.cos(turn)])
-        out.append(Camera(LENS, _look_at(centre, np.array([0.15 * np.cos(turn), 0.22, 3.4])), f"sample_{k}.jpg"))
+        out.append(Camera(LENS, look_at(centre, np.array([0.15 * np.cos(turn), 0.22, 3.4])), f"sample_{k}.jpg"))
     return out
 
 
-def _look_at(centre: FloatArray, target: FloatArray) -> Pose:
+def look_at(centre: FloatArray, target: FloatArray) -> Pose:
+    """The pose of a level camera at `centre` that looks at `target`."""
     z = target - centre
     z = z / np.linalg.norm(z)
     x = np.cross([0.0, 1.0, 0.0], z)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
@@ -15,15 +16,17 @@ from ..pose.sequence import FramePose, interpolate, nearest, smooth
 from ..pose.shared.lens import LensPrior, moved_lens
 from ..render.view import ViewRenderer
 from ..support.words import counted
-from .frames import GOOD_CELLS, GOOD_MATCHES, GOOD_SHARE, FrameMatcher, ReadFrame
+from .frames import GOOD_CELLS, GOOD_MATCHES, FrameMatcher, ReadFrame
 from .report import FrameState, Track, TrackedFrame, TrackProgress
 from .settings import TrackSettings
 from .shot import ShotProblem, ShotSolution, solve_shot
-from .walk import Found, Recover, Walk
+from .walk import Found, Recover, Tie, Walk
 
 # The RMS of a frame that is called good, in pixels of the frame, reduced to a long side of LONG_SIDE_PX where it is larger.
 GOOD_RMS_PX = 1.0
 LONG_SIDE_PX = 1280
+# And the deviation of its place, as it alone tells it, per cent of the median depth.
+GOOD_STD_PCT = 1.0
 # A shot is trusted with at least this share of good frames, and fails with fewer tied to the splat than that.
 TRUSTED_SHARE, FAILED_SHARE = 0.9, 0.5
 WALKED = 0.97  # of the progress, when all frames were seen
@@ -33,10 +36,14 @@ Tracking = Generator[TrackProgress, None, Track]
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A plate: `read` gives the frame of a number, `frames` are the numbers to track, in order."""
+    """A plate: `read` gives the frame of a number, `frames` are the numbers to track, in order; `recover` finds a frame anew
+    behind a gap, None where it is not to be tried; `name` gives the file of a frame.
+    """
 
     read: ReadFrame
     frames: Sequence[int]
+    recover: Recover | None = None
+    name: Callable[[int], str] = "".format
 
 
 def iterate_track(
@@ -44,12 +51,13 @@ def iterate_track(
     shot: Shot,
     starts: Mapping[int, Camera],
     settings: TrackSettings,
-    recover: Recover | None = None,
+    found: Found | None = None,
 ) -> Tracking:
     """Tracks all frames; a generator that yields a `TrackProgress` after each and returns the `Track`.
 
     `starts`: solved cameras of some frames, all with one lens, which belongs to the frames at their full size; poses are
-    world-to-camera in the splat's coordinates. Raises RefineError where there is no start, or none of them sits on the splat.
+    world-to-camera in the coordinates of the splat. `found`: what an earlier, interrupted track of the same shot found, which
+    is taken over; it grows while this one runs. Raises RefineError where there is no start, or none of them sits on the splat.
     Closing the generator cancels.
     """
     began = time.perf_counter()
@@ -58,7 +66,8 @@ def iterate_track(
         raise RefineError("No frame of the range has a camera to begin with; give one with a start, or find it first.")
     camera = next(iter(known.values()))
     prior = LensPrior.of(camera)
-    walk = Walk(FrameMatcher(renderer, camera.intrinsics, prior, settings.long_side_px), shot.read, Found(), recover)
+    matcher = FrameMatcher(renderer, camera.intrinsics, prior, settings.long_side_px)
+    walk = Walk(matcher, shot.read, Found() if found is None else found, shot.recover)
     yield from _walked(walk, shot, known)
     if not walk.found.ties:
         raise RefineError(f"No frame sits on the splat at its start: {next(iter(walk.found.lost.values()), '')}")
@@ -68,19 +77,19 @@ def iterate_track(
 
 
 def _walked(walk: Walk, shot: Shot, known: Mapping[int, Camera]) -> Generator[TrackProgress, None, None]:
-    """From each start forward to the next one, and from the first one backward."""
+    """From each start forward to the next one, and from the first one that sits on the splat backward."""
     frames, starts = list(shot.frames), list(known)
-    done: set[int] = set()
-    for number, start in enumerate(starts):
+    done = set(walk.found.ties) | set(walk.found.lost)
+    backward = True
+    for start, end in itertools.pairwise([*starts, frames[-1] + 1]):
         solved = walk.first(start, known[start].pose)
         done.add(start)
         if solved is None:
             continue
-        end = starts[number + 1] if number + 1 < len(starts) else frames[-1] + 1
         ways = [[f for f in frames if start < f < end]]
-        first = not any(s in walk.found.ties for s in starts[:number])
-        if first:
-            ways.append([f for f in reversed(frames) if f < start and f not in known])
+        if backward:
+            ways.append([f for f in reversed(frames) if f < start])
+            backward = False
         for way in ways:
             for frame in walk.along(way, solved, start):
                 done.add(frame)
@@ -143,7 +152,8 @@ class _Ending:
         return poses
 
     def _frame(self, frame: int, pose: Pose) -> TrackedFrame:
-        camera = replace(self.camera, intrinsics=self.lens, pose=pose, focal_guessed=False)
+        name = self.shot.name(frame)
+        camera = replace(self.camera, intrinsics=self.lens, pose=pose, focal_guessed=False, file=name)
         tie = self.walk.found.ties.get(frame)
         if tie is None:
             reason = self.walk.found.lost.get(frame, "No frame beside it could be followed to it.")
@@ -152,19 +162,19 @@ class _Ending:
         size = max(k.width, k.height)
         scale = size / min(size, self.settings.long_side_px)
         rms = scale * self.solution.rms_px[frame]
-        state, reason = _state(rms * min(1.0, LONG_SIDE_PX / size), tie.evidence.matches, tie.cells, tie.share)
+        state, reason = _state(rms * min(1.0, LONG_SIDE_PX / size), tie)
         return TrackedFrame(frame, camera, state, reason, tie.evidence.matches, rms)
 
 
-def _state(rms_px: float, matches: int, cells: int, share: float) -> tuple[FrameState, str]:
+def _state(rms_px: float, tie: Tie) -> tuple[FrameState, str]:
     if not rms_px <= GOOD_RMS_PX:
         return "weak", f"Its corners sit on the splat only to {rms_px:.1f} px."
-    if matches < GOOD_MATCHES:
-        return "weak", f"Only {counted(matches, 'corner')} hold it."
-    if cells < GOOD_CELLS:
+    if tie.evidence.matches < GOOD_MATCHES:
+        return "weak", f"Only {counted(tie.evidence.matches, 'corner')} on the splat hold it."
+    if tie.cells < GOOD_CELLS:
         return "weak", "What holds it lies in a small part of the picture."
-    if share < GOOD_SHARE:
-        return "weak", f"Only {100 * share:.0f} % of its corners sit on the splat."
+    if not tie.std_pct <= GOOD_STD_PCT:
+        return "weak", f"Where the camera stands is known only to {tie.std_pct:.1f} % of the distance to the scene."
     return "good", ""
 
 

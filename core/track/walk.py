@@ -10,11 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..errors import GssmcError
 from ..geometry.camera import Pose
 from ..geometry.lie import se3_exp, se3_log
 from ..photos.photo import Photo
-from .evidence import Evidence, evidence_of
+from ..pose.final.solution import deviations
+from .evidence import XI, Evidence, evidence_of
 from .frames import FrameMatcher, ReadFrame, SolvedFrame
 from .shot import Link
 
@@ -24,15 +27,20 @@ Recover = Callable[[Photo, Pose], Pose | None]
 
 @dataclass(frozen=True, eq=False)
 class Tie:
-    """How a frame is tied to the splat: its evidence, its pose, the share (0..1) of its corners on the splat that sit, cells of
-    the picture that hold one, and the median depth (scene units).
+    """How a frame is tied to the splat: its pose, its evidence, how many cells of the picture hold a corner of it, and the
+    median depth (scene units).
     """
 
     pose: Pose
     evidence: Evidence
-    share: float
     cells: int
     median_depth: float
+
+    @property
+    def std_pct(self) -> float:
+        """Standard deviation of the camera's place as this frame alone tells it, per cent of the median depth."""
+        std = deviations(self.evidence.equations.information[XI, XI], self.median_depth)
+        return 100 * float(np.linalg.norm(std[:3])) / self.median_depth
 
 
 @dataclass(eq=False)
@@ -46,7 +54,7 @@ class Found:
     def add(self, frame: int, solved: SolvedFrame) -> None:
         height = solved.photo.intrinsics.height
         evidence = evidence_of(solved.fit, height)
-        self.ties[frame] = Tie(solved.pose, evidence, solved.share, solved.cells, solved.median_depth)
+        self.ties[frame] = Tie(solved.pose, evidence, solved.cells, solved.median_depth)
         self.lost.pop(frame, None)
 
 
@@ -60,7 +68,14 @@ class Walk:
     recover: Recover | None = None
 
     def along(self, frames: Sequence[int], before: SolvedFrame, at: int) -> Generator[int, None, None]:
-        """Solves `frames` one after the other, from `before`, the solved frame `at`; yields each number when it is done."""
+        """Solves `frames` one after the other, from `before`, the solved frame `at`; yields each number when it is done. Those
+        that were found or lost before are passed over.
+        """
+        known = [f for f in frames if f in self.found.ties or f in self.found.lost]
+        tied = [f for f in known if f in self.found.ties]
+        if tied and (again := self.first(tied[-1], self.found.ties[tied[-1]].pose)) is not None:
+            before, at = again, tied[-1]
+        frames = [f for f in frames if f not in known]
         step, last_at, gap = _Motion(), at, 0
         step.note(at, before.pose)
         wanted = 1
@@ -98,11 +113,11 @@ class Walk:
         if link is None:
             self.found.lost[frame] = "The picture changed too much from the frame before to follow it."
             return None
-        solved = self.matcher.solve(photo, link.camera.pose)
+        solved = self.matcher.solve(photo, link.fit.camera.pose, link)
         if solved is None:
             self.found.lost[frame] = "Too little of the picture sits on the splat."
             return None
-        self.found.links.append(Link(at, frame, evidence_of(link, photo.intrinsics.height)))
+        self.found.links.append(Link(at, frame, evidence_of(link.fit, photo.intrinsics.height)))
         return solved
 
     def _anew(self, frame: int, last: Pose) -> SolvedFrame | None:

@@ -1,0 +1,155 @@
+"""`track SCENE PLATE --out TRACK.json`: the camera of every frame of a moving plate."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from ...batch.keys import key_of, scan_file_digest, stamp
+from ...errors import UsageError
+from ...photos.plate import open_plate
+from ...render import ProcessRenderer, RenderSettings
+from ...splats import read_splats
+from ...support.words import counted
+from ...track import Shot, Track, TrackSettings, iterate_track
+from ...track.file import track_to_dict
+from ...track.journal import read_found, write_found
+from ..console import message, say
+from ..dropped import say_dropped
+from ..flags import MASK_HELP, SCENE_HELP, add_settings_flags, number, settings_from
+from ..maps import MapFlags, add_map_flags, check_results
+from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome
+from ..paths import check_outputs
+from ..progress import ProgressBar
+from ..result import write_json
+from ..shots import PlateFrames, ShotWork
+
+JOURNAL = ".journal"
+SAVE_EVERY_S = 60.0
+LISTED = 10
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
+    parser = commands.add_parser("track", help="the camera of every frame of a moving plate")
+    parser.add_argument("scene", type=Path, help=SCENE_HELP)
+    parser.add_argument("plate", type=Path, help="a movie, or any image of a numbered sequence")
+    parser.add_argument("--out", type=Path, required=True, metavar="TRACK.json", help="where to write the cameras")
+    parser.add_argument("--frames", metavar="A-B", help="first and last frame (all; a movie's frames begin at 1)")
+    start = "a rough camera of a frame (any camera file); may be repeated; without it a frame is searched for"
+    parser.add_argument("--start", action="append", default=[], metavar="FRAME=CAMERAS", help=start)
+    parser.add_argument("--mask", type=Path, metavar="DIR", help=MASK_HELP)
+    shutter = "solve for the time that reading a frame out takes (a rolling shutter)"
+    parser.add_argument("--rolling-shutter", action="store_true", help=shutter)
+    smooth = "take out wiggles of the camera shorter than this many frames (0: none)"
+    parser.add_argument("--smooth", type=number, default=0.0, metavar="FRAMES", help=smooth)
+    size = "frames are matched at this length of their longer side, pixels (640)"
+    parser.add_argument("--track-long-side", type=int, default=640, metavar="PX", help=size)
+    add_map_flags(parser, switch=True)
+    add_settings_flags(parser)
+    return parser
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    settings = settings_from(args)
+    track_settings = TrackSettings(args.track_long_side, settings.lens != "fixed", args.rolling_shutter, args.smooth)
+    check_outputs({"--out": args.out, "--map": args.map}, {"the scan": args.scene, "the known cameras": args.cameras})
+    check_results({"--out": args.out}, args.scene)
+    flags = MapFlags(args, settings.threads)
+    plate, first, last = open_plate(args.plate)
+    frames = _range(args.frames, first, last)
+    starts = _start_files(args.start, frames)
+    scene = read_splats(args.scene)
+    say_dropped(scene)
+    key = key_of(1, scan_file_digest(args.scene), str(args.plate.resolve()), stamp(args.plate), list(frames), args.start)
+    key = key_of(key, asdict(settings), asdict(track_settings), str(args.mask))
+    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+        work = ShotWork(scene, renderer, settings, PlateFrames(plate, args.mask), flags if args.locate else None)
+        return _tracked(work, _Job(args, frames, starts, track_settings, key))
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What is to be tracked: `frames` in order, camera files by frame, and the `key` of what the answer depends on."""
+
+    args: argparse.Namespace
+    frames: Sequence[int]
+    starts: dict[int, Path]
+    settings: TrackSettings
+    key: str
+
+    @property
+    def journal(self) -> Path:
+        out: Path = self.args.out
+        return out.with_name(out.name + JOURNAL)
+
+
+def _tracked(work: ShotWork, job: _Job) -> Outcome:
+    found = read_found(job.journal, job.key)
+    if found.ties:
+        message(f"{len(found.ties)} of {counted(len(job.frames), 'frame')} were found before and are kept.")
+    saved = time.monotonic()
+    try:
+        starts = work.starts(job.frames, job.starts)
+        camera = next(iter(starts.values()))
+        shot = Shot(work.frames.read, job.frames, lambda photo, last: work.recover(camera, photo, last), work.frames.name)
+        with ProgressBar("Tracking") as bar:
+            steps = iterate_track(work.renderer, shot, starts, job.settings, found)
+            while True:
+                try:
+                    step = next(steps)
+                except StopIteration as end:
+                    track: Track = end.value
+                    break
+                bar.show(step.fraction, f"frame {step.frame}")
+                if time.monotonic() - saved > SAVE_EVERY_S:
+                    write_found(job.journal, found, job.key)
+                    saved = time.monotonic()
+    except KeyboardInterrupt:
+        write_found(job.journal, found, job.key)
+        message(f"Interrupted; {counted(len(found.ties), 'frame')} found, in '{job.journal}'. The same command goes on.")
+        return Outcome(INTERRUPTED)
+    return _end(work, job, track)
+
+
+def _end(work: ShotWork, job: _Job, track: Track) -> Outcome:
+    origin = [-value for value in work.scene.origin]
+    cameras = tuple(frame.camera.relative_to(origin) for frame in track.frames)
+    placed = replace(track, frames=tuple(replace(f, camera=c) for f, c in zip(track.frames, cameras, strict=True)))
+    write_json(job.args.out, track_to_dict(placed))
+    job.journal.unlink(missing_ok=True)
+    bad = [frame for frame in track.frames if frame.state != "good"]
+    for frame in bad[:LISTED]:
+        message(f"Frame {frame.frame} is {frame.state}: {frame.reason}")
+    if len(bad) > LISTED:
+        message(f"... and {len(bad) - LISTED} more in '{job.args.out}'.")
+    say(f"{track.verdict} after {track.seconds:.1f} s. {' '.join(track.reasons)}")
+    return Outcome(FAILED_VERDICT if track.verdict == "failed" else OK)
+
+
+def _range(text: str | None, first: int, last: int) -> range:
+    """The frames that A-B names, of those there are. Raises UsageError."""
+    if text is None:
+        return range(first, last + 1)
+    a, dash, b = text.partition("-")
+    if not (a.isdigit() and (b.isdigit() or not dash)):
+        raise UsageError(f"--frames is '{text}'; give the first and the last frame, such as {first}-{last}.")
+    low, high = int(a), int(b) if dash else int(a)
+    if not first <= low <= high <= last:
+        raise UsageError(f"--frames is {text}, but the plate has the frames {first} to {last}.")
+    return range(low, high + 1)
+
+
+def _start_files(given: Sequence[str], frames: range) -> dict[int, Path]:
+    """The camera files of --start by frame. Raises UsageError."""
+    out = {}
+    for text in given:
+        frame, equals, file = text.partition("=")
+        if not (frame.isdigit() and equals and file):
+            raise UsageError(f"--start is '{text}'; give a frame and a camera file, such as {frames[0]}=CAMERA.json.")
+        if int(frame) not in frames:
+            raise UsageError(f"--start names frame {frame}, which is not among {frames[0]} to {frames[-1]}.")
+        out[int(frame)] = Path(file)
+    return out

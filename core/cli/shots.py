@@ -1,0 +1,88 @@
+"""What tracking a plate needs beside the tracker: its frames with their masks, starts to track from, and frames found anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..batch.refine_one import read_masked_photo, refine_photo
+from ..cameras.unplaced import Unplaced
+from ..errors import RefineError, UsageError
+from ..geometry.camera import Camera, Pose
+from ..photos.mask import find_mask
+from ..photos.photo import Photo
+from ..photos.plate import Plate
+from ..pose.settings import RefineSettings
+from ..render import ProcessRenderer
+from ..splats import GaussianScene
+from .commands.refine import Placing, pick_wanted, wanted_camera
+from .console import message
+from .maps import MapFlags
+
+# Where a start is looked for when none is given: these shares of the way through the shot.
+LOOKED_AT = (0.5, 0.25, 0.75, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class PlateFrames:
+    """Reads a plate's frames with their masks, as files `name` them."""
+
+    plate: Plate
+    masks: Path | None
+
+    def name(self, frame: int) -> str:
+        return str(self.plate.file(frame))
+
+    def read(self, frame: int) -> Photo:
+        photo = self.plate.read(frame)
+        mask = None if self.masks is None else find_mask(self.masks, self.plate.file(frame))
+        return photo if mask is None else read_masked_photo(self.plate.file(frame), mask)
+
+
+@dataclass(frozen=True)
+class ShotWork:
+    """What every step needs. `flags` None: no frame is searched for in the scan's map."""
+
+    scene: GaussianScene
+    renderer: ProcessRenderer
+    settings: RefineSettings
+    frames: PlateFrames
+    flags: MapFlags | None
+
+    def starts(self, frames: Sequence[int], files: Mapping[int, Path]) -> dict[int, Camera]:
+        """Solved cameras to begin with, in the scene's coordinates. Raises RefineError where there are none."""
+        if files:
+            return {frame: self._placed(frame, file) for frame, file in sorted(files.items())}
+        if self.flags is None:
+            raise UsageError("There is no start to track from; give one with --start, or leave out --no-locate.")
+        reason = ""
+        for share in LOOKED_AT:
+            frame = frames[round(share * (len(frames) - 1))]
+            try:
+                return {frame: self._placed(frame, None)}
+            except RefineError as error:
+                reason = str(error)
+        raise RefineError(f"No frame was found in the scan; give a start with --start. {reason}")
+
+    def _placed(self, frame: int, file: Path | None) -> Camera:
+        photo = self.frames.read(frame)
+        told = Unplaced() if file is None else pick_wanted(file, self.frames.plate.file(frame))
+        wanted = wanted_camera(told, photo)
+        placed = Placing(self.renderer, self.scene, self.settings, self.flags).place(photo, wanted)
+        if placed.report is None or placed.record["verdict"] == "failed":
+            raise RefineError(f"Frame {frame} was not placed: {placed.record['reasons'][0]}")
+        message(f"Frame {frame}: {placed.record['verdict']}. {placed.record['reasons'][0]}")
+        # A lens that was guessed is solved for once more, from all frames.
+        guessed = self.settings.lens == "full" or (self.settings.lens != "fixed" and placed.report.start.focal_guessed)
+        return replace(placed.report.camera, focal_guessed=guessed)
+
+    def recover(self, camera: Camera, photo: Photo, last: Pose) -> Pose | None:
+        """A frame behind a gap, from the last known camera, else from anywhere in the scan."""
+        known = replace(camera, pose=last, focal_guessed=False, file=photo.file)
+        fixed = replace(self.settings, lens="auto")
+        report = refine_photo(self.renderer, photo, known, fixed)
+        if report.verdict != "failed" or self.flags is None:
+            return None if report.verdict == "failed" else report.camera.pose
+        placed = Placing(self.renderer, self.scene, fixed, self.flags).place(photo, Unplaced.of(known))
+        return None if placed.report is None or placed.record["verdict"] == "failed" else placed.report.camera.pose
