@@ -12,7 +12,7 @@ from ..photos.cut import CutPhoto, central_photo, cut_photo, lens_of_pixels
 from ..photos.fit import fit_wide_camera
 from ..photos.photo import Photo
 from ..pose.refine import refine
-from ..pose.report import RefineProgress, RefineReport
+from ..pose.report import IterationRecord, RefineProgress, RefineReport
 from ..pose.rig import Face, face_of, join_faces
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
@@ -55,7 +55,7 @@ class WideRefinement:
             start=start,
             verdict=joined.verdict,
             reasons=joined.reasons,
-            iterations=(),
+            iterations=tuple(_iterations(cuts, reports)),
             seconds=sum(report.seconds for report in reports),
             stage="faces",
             details=tuple(_details(cuts, reports)),
@@ -72,6 +72,12 @@ def _part(on_progress: OnProgress | None, name: str, number: int, count: int) ->
     if on_progress is None:
         return None
     return lambda p: on_progress(replace(p, step=f"{name}: {p.step}", fraction=(number + p.fraction) / count))
+
+
+def _iterations(cuts: Iterable[PinholeCut], reports: Iterable[RefineReport]) -> Iterable[IterationRecord]:
+    """The iterations of all parts, one after the other, with the photo's poses."""
+    for cut, report in zip(cuts, reports, strict=True):
+        yield from (replace(record, pose=cut.photo_pose(record.pose)) for record in report.iterations)
 
 
 def _details(cuts: Iterable[PinholeCut], reports: Iterable[RefineReport]) -> Iterable[str]:

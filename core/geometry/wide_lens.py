@@ -17,10 +17,13 @@ from .turned_photo import TURNS
 
 # The steps in which a lens is followed outwards, and how far a plane's chart goes, radians from the axis.
 PROFILE_STEPS, PLANE_END = 4000, math.radians(89.5)
-NEWTON_STEPS, NEWTON_END, DIFFERENCE = 30, 1e-14, 1e-6
+# After a step shorter than NEWTON_END, at focal length 1, another one would change rounding errors alone.
+NEWTON_STEPS, NEWTON_END, DIFFERENCE = 30, 1e-9, 1e-6
 # A pixel that Newton's method brings no nearer than this, at focal length 1, is seen by no ray.
 NEAR = 1e-10
 PANORAMA_SLACK = 0.005
+# Farther out than this times what the lens without its unsymmetric part reaches, no pixel is looked for.
+BEYOND = 1.2
 
 
 @dataclass(frozen=True)
@@ -138,10 +141,12 @@ class WideLens:
         start = np.interp(radius, radii, chart_radii)
         chart = target * np.where(radius > 0, start / np.where(radius > 0, radius, 1), 1)[:, None]
         with np.errstate(all="ignore"):
+            going = np.flatnonzero(radius <= BEYOND * radii[-1])
             for _ in range(NEWTON_STEPS):
-                step = self._newton_step(chart, target)
-                chart = chart - step
-                if not np.nanmax(np.abs(step), initial=0.0) > NEWTON_END:
+                step = self._newton_step(chart[going], target[going])
+                chart[going] -= step
+                going = going[np.abs(step).max(axis=1, initial=0.0) > NEWTON_END]
+                if not len(going):
                     break
             off = np.abs(self._bent(chart) - target).max(axis=1, initial=0.0)
             seen = (off <= NEAR * np.maximum(1, radius)) & (np.hypot(*chart.T) <= chart_radii[-1])

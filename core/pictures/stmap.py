@@ -6,6 +6,7 @@ centre of pixel (i, j), j from the top, has s = (i + 0.5) / width and t = 1 - (j
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +27,8 @@ Map = NDArray[np.float32]  # (H, W, 2): s and t
 NOWHERE = -1.0
 S, T = "R", "G"
 SEEN = 254
+# So many rows are worked out at a time, because those of a whole photo would take several gigabytes.
+ROWS = 64
 # OpenCV resamples no larger picture.
 MAX_SIDE = 32_766
 
@@ -38,19 +41,23 @@ def straight_lens(lens: Intrinsics | WideLens) -> Intrinsics:
 def undistort_map(lens: Intrinsics | WideLens) -> Map:
     """Where each pixel of the undistorted picture looks in the photo; NOWHERE where the photo does not show it."""
     k = straight_lens(lens)
-    rays = np.column_stack([k.normalise(_centres(k.width, k.height)), np.ones(k.width * k.height)])
-    return _map(lens.project(rays), (lens.width, lens.height), (k.width, k.height))
+
+    def looks(pixels: FloatArray) -> FloatArray:
+        return lens.project(np.column_stack([k.normalise(pixels), np.ones(len(pixels))]))
+
+    return _map(looks, (lens.width, lens.height), (k.width, k.height))
 
 
 def distort_map(lens: Intrinsics | WideLens) -> Map:
     """Where each pixel of the photo looks in the undistorted picture; NOWHERE where that does not show it."""
     k = straight_lens(lens)
-    pixels = _centres(lens.width, lens.height)
-    if isinstance(lens, WideLens):
-        rays = lens.unproject(pixels)
-    else:
-        rays = np.column_stack([lens.normalise(pixels), np.ones(len(pixels))])
-    return _map(k.project(rays), (k.width, k.height), (lens.width, lens.height))
+
+    def looks(pixels: FloatArray) -> FloatArray:
+        if isinstance(lens, WideLens):
+            return k.project(lens.unproject(pixels))
+        return k.project(np.column_stack([lens.normalise(pixels), np.ones(len(pixels))]))
+
+    return _map(looks, (k.width, k.height), (lens.width, lens.height))
 
 
 def write_stmap(path: Path, stmap: Map) -> None:
@@ -90,15 +97,15 @@ def through_map(photo: Photo, stmap: Map, name: str) -> Photo:
     return replace(photo, pixels=np.asarray(pixels, np.uint8), mask=mask, full_size=None, notes=(*photo.notes, note))
 
 
-def _centres(width: int, height: int) -> FloatArray:
-    """The centres of all pixels (H * W, 2), row by row."""
-    x, y = np.meshgrid(pixel_centres(width), pixel_centres(height))
-    return np.stack([x.ravel(), y.ravel()], axis=1)
-
-
-def _map(at: FloatArray, looked_at: tuple[int, int], size: tuple[int, int]) -> Map:
-    """The map of a picture of `size`, whose pixels lie `at` (N, 2) in one of the size `looked_at`."""
-    s, t = (at / looked_at).T
-    both = np.stack([s, 1 - t], axis=1)
-    seen = np.isfinite(both).all(axis=1, keepdims=True)
-    return np.where(seen, both, NOWHERE).astype(np.float32).reshape(size[1], size[0], 2)
+def _map(looks: Callable[[FloatArray], FloatArray], looked_at: tuple[int, int], size: tuple[int, int]) -> Map:
+    """The map of a picture of `size`, whose pixels (N, 2) look at those that `looks` gives of a picture of size `looked_at`."""
+    width, height = size
+    out = np.empty((height, width, 2), np.float32)
+    for top in range(0, height, ROWS):
+        count = min(ROWS, height - top)
+        x, y = np.meshgrid(pixel_centres(width), pixel_centres(count, top))
+        s, t = (looks(np.stack([x.ravel(), y.ravel()], axis=1)) / looked_at).T
+        both = np.stack([s, 1 - t], axis=1)
+        seen = np.isfinite(both).all(axis=1, keepdims=True)
+        out[top : top + count] = np.where(seen, both, NOWHERE).reshape(count, width, 2)
+    return out

@@ -182,6 +182,21 @@ def test_a_camera_file_that_does_not_fit_changes_nothing(bpy, tmp_path, splat_fi
     assert bpy.context.scene.camera is None
 
 
+@pytest.mark.parametrize("codec", ["NONE", "ZIP", "RLE"])
+def test_st_maps_are_openexr_as_blender_has_it(bpy, extension, tmp_path, codec):
+    """Blender reads what the engine writes, and the engine what Blender writes."""
+    exr = extension("core.pictures.exr")
+    rows = np.random.default_rng(0).random((20, 31, 2)).astype(np.float32)
+    exr.write_exr(tmp_path / "ours.exr", {"R": rows[..., 0], "G": rows[..., 1]})
+    image = bpy.data.images.load(str(tmp_path / "ours.exr"))
+    np.testing.assert_array_equal(np.array(image.pixels[:]).reshape(20, 31, 4)[::-1, :, :2].astype(np.float32), rows)
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format, settings.color_mode, settings.color_depth, settings.exr_codec = "OPEN_EXR", "RGB", "32", codec
+    image.save_render(str(tmp_path / "blender.exr"), scene=bpy.context.scene)
+    back = exr.read_exr(tmp_path / "blender.exr")
+    np.testing.assert_array_equal(np.stack([back["R"], back["G"]], axis=-1), rows)
+
+
 WIDE = {"camera_model": "OPENCV_FISHEYE", "width": 600, "height": 400, "fx": 220.0, "fy": 220.0, "cx": 300.0, "cy": 200.0}
 
 
