@@ -5,7 +5,6 @@ import json
 import cv2
 import numpy as np
 import pytest
-from cli_place import FAST
 from wide_photos import fisheye_lens, fisheye_rays, panorama_rays, rendered_photo
 
 from core.cameras import starts
@@ -21,6 +20,8 @@ from core.synthetic import make_scene, perturb_camera, sample_cameras
 pytestmark = pytest.mark.loop
 DEPTH = 3.2
 SIDE = 360
+FAST = ["--long-side-px", "200", "--final-long-side-px", "200", "--iterations", "2", "--candidates", "3"]
+FASTER = ["--long-side-px", "200", "--final-long-side-px", "200", "--iterations", "1", "--candidates", "2"]
 
 
 class WidePlace:
@@ -76,7 +77,7 @@ def test_a_fisheye_comes_home_and_keeps_its_lens(place, tmp_path):
 
 def test_a_panorama_comes_home_by_its_faces(place, tmp_path):
     out, file = tmp_path / "out.json", place.cameras(place.all)
-    code = main(["refine", *map(str, (place.scene, place.folder / "all.png", "--camera", file, "--out", out)), *FAST])
+    code = main(["refine", *map(str, (place.scene, place.folder / "all.png", "--camera", file, "--out", out)), *FASTER])
     record = json.loads(out.read_text())
     assert code == 0 and record["verdict"] == "trusted", record["reasons"]
     distance, degrees = place.off(record)
