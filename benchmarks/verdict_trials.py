@@ -55,23 +55,28 @@ OTHER = {"fox": "monstree", "monstree": "room", "room": "fox", "sample": "fox"}
 SAMPLE_GAUSSIANS = 40_000
 # Every so many photos of a scan are spoilt in one way, and others in the next way.
 SPOILT_EVERY = 4
+# What further draws for a photo add to the seeds.
+AGAIN = 10_000
 CUT_MARGIN = 0.1  # of the image's sides, beyond which the scan is left as it is
 Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One refinement to make: which photo of which scan, what is told of its lens, how it is spoilt, from which start."""
+    """One refinement to make: which photo of which scan, what is told of its lens, how it is spoilt, from which start; `again`
+    counts further starts and lenses drawn for the same photo.
+    """
 
     scene: str
     photo: int
     lens: str
     spoiler: str
     start: str
+    again: int = 0
 
     @property
     def seed(self) -> int:
-        return self.photo + 100 * list(ALL_STARTS).index(self.start)
+        return self.photo + 100 * list(ALL_STARTS).index(self.start) + AGAIN * self.again
 
 
 @cache
@@ -90,17 +95,21 @@ def photo_of(name: str, index: int) -> Photo:
 
 
 def plan() -> list[Trial]:
-    """All trials, those of photos as they are first."""
+    """All trials: those of photos as they are first, then the spoilt ones in an order drawn at random, so that a part of them
+    is of all kinds.
+    """
     out = []
     photos = [(name, i) for name in OTHER for i in range(len(scan_of(name).cameras))]
     for start in ("near", "far"):
         out += [Trial(*photo, lens, "as it is", start) for photo in photos for lens in LENSES]
     out += [Trial(*photo, LENSES[n % len(LENSES)], "as it is", "hopeless") for n, photo in enumerate(photos)]
+    out += [Trial(*photo, lens, "as it is", "near", 1) for photo in photos for lens in LENSES]
+    spoilt = []
     for way, spoiler in enumerate(list(SPOILERS)[1:]):
         for n, photo in enumerate(photos):
             if (n + way) % SPOILT_EVERY == 0:
-                out += [Trial(*photo, lens, spoiler, "near") for lens in LENSES]
-    return out
+                spoilt += [Trial(*photo, lens, spoiler, "near") for lens in LENSES]
+    return [*out, *(spoilt[i] for i in np.random.default_rng(1).permutation(len(spoilt)))]
 
 
 def without(scan: Scan, camera: Camera) -> Renderer:
@@ -122,7 +131,9 @@ def run(trial: Trial) -> Row:
     cv2.setNumThreads(1)
     scan = scan_of(trial.scene)
     truth = scan.cameras[trial.photo]
-    camera = start_camera(told(truth, trial.lens, trial.photo), scan.depth, *ALL_STARTS[trial.start], seed=trial.seed)
+    camera = start_camera(
+        told(truth, trial.lens, trial.photo + AGAIN * trial.again), scan.depth, *ALL_STARTS[trial.start], seed=trial.seed
+    )
     photo = photo_of(trial.scene, trial.photo)
     if trial.spoiler == "other scan":
         other = scan_of(OTHER[trial.scene])
@@ -157,7 +168,7 @@ def row_of(trial: Trial, truth: Camera, depth: float, report: RefineReport) -> R
 
 
 def key(row: Row) -> Trial:
-    return Trial(*(row[f.name] for f in fields(Trial)))
+    return Trial(*(row.get(f.name, 0) for f in fields(Trial)))
 
 
 def report(rows: Sequence[Row]) -> str:

@@ -23,6 +23,8 @@ XI, LENS, ROWS = slice(0, 6), slice(6, 15), slice(15, 21)
 SIZE = 21
 # Residuals beyond so many robust deviations are no part of a frame's error: they show something else than the splat.
 INLIER = 3.0
+# With a rolling shutter, residuals are weighed as if they deviated so much more, and at least by so many pixels.
+ROLLING, ROLLING_PX = 2.0, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +44,15 @@ class Evidence:
         return math.sqrt(max(float(squared), 0.0) / self.matches) if self.matches else float("nan")
 
 
-def evidence_of(fit: JointFit, height: int) -> Evidence:
-    """What the matches of `fit` know at its camera; `height`: that of the picture they were found in, pixels."""
+def evidence_of(fit: JointFit, height: int, rolling: bool = False) -> Evidence:
+    """What the matches of `fit` know at its camera; `height`: that of the picture they were found in, pixels; `rolling`: a
+    rolling shutter is to be solved for, so that what it displaces must not be taken for outliers.
+    """
     camera, problem = fit.camera, fit.problem
     r = reproject(camera, problem.matches)
     sigma = problem.deviations_px(r.across)
+    if rolling:
+        sigma = np.maximum(ROLLING * sigma, ROLLING_PX)
     rows = problem.matches.observed[1] / height - 0.5
     line = linearised(camera, replace(problem, free=ALL), fit.kind, sigma)
     weighed = products(_with_rows(line.jacobian, rows), line.residual)

@@ -9,7 +9,7 @@ xi_b - Ad xi_a and r (v_b - Ad v_a), where Ad is the adjoint of T_b T_a^-1, beca
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,16 @@ from .evidence import LENS, ROWS, SIZE, XI, Evidence
 IndexArray = NDArray[np.signedinteger]
 # The read-out takes this share of the time from frame to frame, give or take, before anything is matched.
 READOUT_STD = 0.5
+# The motion at a frame is that of a spline through so many frames on either side; its degree by how many there are in all.
+AROUND = 5
+DEGREES = (0, 1, 1, 3, 3, 5)
+# The first and last frames of a shot, at which the spline is extrapolated, say nothing of the read-out.
+AT_ENDS = 4
+# Where in the read-out the path is looked at, and the shortest one for which that can be told from a point.
+NODES = np.linspace(-0.5, 0.5, 5)
+LEAST_READOUT = 0.05
 # The motion in a rolling shutter is that of the poses which the last round found.
-ROUNDS = 3
+ROUNDS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,29 +72,53 @@ class ShotSolution:
 
 
 def solve_shot(problem: ShotProblem) -> ShotSolution:
-    """The cameras, the lens and the read-out time that cost least."""
-    frames = sorted(problem.poses)
-    motion = velocities({f: problem.poses[f] for f in frames})
-    readout = 0.0
-    for _ in range(ROUNDS if problem.solve_readout else 1):
-        system = _System.of(problem, frames, motion)
-        steps, lens_step, readout, lens_std = system.solved()
-        poses = {f: se3_exp(step) @ problem.poses[f] for f, step in zip(frames, steps, strict=True)}
-        motion = velocities(poses)
+    """The cameras, the lens and the read-out time that cost least.
+
+    The read-out is found by the frames well inside of the shot, for the motion at its ends is extrapolated; then all frames are
+    solved with it.
+    """
+    frames, readout = sorted(problem.poses), 0.0
+    motion = motions(problem.poses, READOUT_STD)
+    if problem.solve_readout:
+        inner = {f: v if AT_ENDS <= i < len(frames) - AT_ENDS else np.zeros(6) for i, (f, v) in enumerate(motion.items())}
+        for _ in range(ROUNDS):
+            steps, _, readout, _ = _System.of(problem, frames, inner).solved()
+            readout = min(max(readout, 0.0), 1.0)
+            motion = motions(_moved(problem, frames, steps), readout)
+            inner = {f: v if inner[f].any() else v * 0 for f, v in motion.items()}
+    found = replace(problem, solve_readout=False)
+    steps, lens_step, _, lens_std = _System.of(found, frames, motion, readout).solved()
     rms = {}
     for frame, step in zip(frames, steps, strict=True):
         if frame in problem.ties:
             rms[frame] = problem.ties[frame].rms_px(np.concatenate([step, lens_step, readout * motion[frame]]))
-    return ShotSolution(poses, lens_step, lens_std, readout, rms)
+    return ShotSolution(_moved(problem, frames, steps), lens_step, lens_std, readout, rms)
 
 
-def velocities(poses: Mapping[int, Pose]) -> dict[int, FloatArray]:
-    """The motion (6,) from each frame to the next, T_{t+1} = exp(v) T_t, as the frames before and behind it tell it."""
-    frames = sorted(poses)
+def _moved(problem: ShotProblem, frames: Sequence[int], steps: FloatArray) -> dict[int, Pose]:
+    return {f: se3_exp(step) @ problem.poses[f] for f, step in zip(frames, steps, strict=True)}
+
+
+def motions(poses: Mapping[int, Pose], readout: float) -> dict[int, FloatArray]:
+    """The motion (6,) per frame during each frame's read-out, T <- exp(motion) T, of a smooth path through the poses: a spline
+    of the fifth degree over the frames around. The difference of the neighbours would be half of a shake's quick part.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    frames = np.array(sorted(poses))
+    times = NODES * max(readout, LEAST_READOUT)
     out = {}
-    for i, frame in enumerate(frames):
-        a, b = frames[max(i - 1, 0)], frames[min(i + 1, len(frames) - 1)]
-        out[frame] = se3_log(poses[b] @ poses[a].inverse()) / (b - a) if b > a else np.zeros(6)
+    for i, frame in enumerate(frames.tolist()):
+        low = max(0, min(i - AROUND, len(frames) - 2 * AROUND - 1))
+        near = frames[low : low + 2 * AROUND + 1]
+        if len(near) < 2:
+            out[frame] = np.zeros(6)
+            continue
+        inverse = poses[frame].inverse()
+        steps = np.stack([se3_log(poses[f] @ inverse) for f in near.tolist()])
+        degree = DEGREES[min(len(near), len(DEGREES)) - 1]
+        # The straight line through the path, as the rows see it between the first one and the last.
+        out[frame] = times @ make_interp_spline(near - frame, steps, k=degree)(times) / (times @ times)
     return out
 
 
@@ -103,7 +135,8 @@ class _System:
         self._held: list[int] = []
 
     @classmethod
-    def of(cls, problem: ShotProblem, frames: Sequence[int], motion: Mapping[int, FloatArray]) -> _System:
+    def of(cls, problem: ShotProblem, frames: Sequence[int], motion: Mapping[int, FloatArray], readout: float = 0.0) -> _System:
+        """The equations about the problem's poses and lens, and the read-out `readout`."""
         system, place = cls(len(frames)), {frame: i for i, frame in enumerate(frames)}
         globals_at = 6 * len(frames)
         tail = np.arange(globals_at, globals_at + 10)
@@ -113,20 +146,22 @@ class _System:
             B[XI, :6] = np.eye(6)
             B[LENS, 6:15] = np.eye(9)
             B[ROWS, 15] = motion[frame]
-            system._add(tie, B, np.concatenate([_of(place[frame]), tail]))
+            system._add(tie, B, np.concatenate([_of(place[frame]), tail]), readout)
         for link in problem.links:
             turn = adjoint(problem.poses[link.b] @ problem.poses[link.a].inverse())
             B = np.zeros((SIZE, 13))
             B[XI, :6], B[XI, 6:12] = -turn, np.eye(6)
             B[ROWS, 12] = motion[link.b] - turn @ motion[link.a]
-            system._add(link.evidence, B, np.concatenate([_of(place[link.a]), _of(place[link.b]), tail[9:]]))
+            system._add(link.evidence, B, np.concatenate([_of(place[link.a]), _of(place[link.b]), tail[9:]]), readout)
         system._priors(problem, tail)
         return system
 
-    def _add(self, evidence: Evidence, B: FloatArray, unknowns: IndexArray) -> None:
-        """A piece of evidence, whose own unknowns are `B` (21, n) times the n `unknowns` of the system."""
+    def _add(self, evidence: Evidence, B: FloatArray, unknowns: IndexArray, readout: float) -> None:
+        """A piece of evidence, whose own unknowns are `B` (21, n) times the n `unknowns` of the system, the last of which is
+        the read-out.
+        """
         e, at = evidence.equations, unknowns
-        self._gradient[at] += B.T @ e.gradient
+        self._gradient[at] += B.T @ (e.gradient + readout * e.information @ B[:, -1])
         self._put(at, B.T @ e.information @ B)
 
     def _put(self, at: IndexArray, block: FloatArray) -> None:

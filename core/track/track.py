@@ -67,7 +67,9 @@ def iterate_track(
     camera = next(iter(known.values()))
     prior = LensPrior.of(camera)
     matcher = FrameMatcher(renderer, camera.intrinsics, prior, settings.long_side_px)
-    walk = Walk(matcher, shot.read, Found() if found is None else found, shot.recover)
+    found = Found() if found is None else found
+    found.rolling = settings.rolling_shutter
+    walk = Walk(matcher, shot.read, found, shot.recover)
     yield from _walked(walk, shot, known)
     if not walk.found.ties:
         raise RefineError(f"No frame sits on the splat at its start: {next(iter(walk.found.lost.values()), '')}")

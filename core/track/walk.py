@@ -8,7 +8,7 @@ succeeds, the walk goes on, and back into the gap.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -45,15 +45,18 @@ class Tie:
 
 @dataclass(eq=False)
 class Found:
-    """What the walks found so far: `ties` and `links` of frames, and why the others are `lost`."""
+    """What the walks found so far: `ties` and `links` of frames, and why the others are `lost`. `rolling`: whether a rolling
+    shutter is to be solved for.
+    """
 
     ties: dict[int, Tie] = field(default_factory=dict)
     links: list[Link] = field(default_factory=list)
     lost: dict[int, str] = field(default_factory=dict)
+    rolling: bool = False
 
     def add(self, frame: int, solved: SolvedFrame) -> None:
         height = solved.photo.intrinsics.height
-        evidence = evidence_of(solved.fit, height)
+        evidence = evidence_of(solved.fit, height, self.rolling)
         self.ties[frame] = Tie(solved.pose, evidence, solved.cells, solved.median_depth)
         self.lost.pop(frame, None)
 
@@ -117,7 +120,9 @@ class Walk:
         if solved is None:
             self.found.lost[frame] = "Too little of the picture sits on the splat."
             return None
-        self.found.links.append(Link(at, frame, evidence_of(link.fit, photo.intrinsics.height)))
+        # The shot's problem begins at the pose of the tie, so that the link has to be told what it costs there.
+        at_tie = replace(link.fit, camera=solved.fit.camera)
+        self.found.links.append(Link(at, frame, evidence_of(at_tie, photo.intrinsics.height, self.found.rolling)))
         return solved
 
     def _anew(self, frame: int, last: Pose) -> SolvedFrame | None:
