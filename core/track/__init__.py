@@ -3,5 +3,6 @@
 from .report import FrameState, Track, TrackedFrame, TrackProgress
 from .settings import TrackSettings
 from .track import Shot, iterate_track
+from .walk import Found
 
-__all__ = ["FrameState", "Shot", "Track", "TrackProgress", "TrackSettings", "TrackedFrame", "iterate_track"]
+__all__ = ["Found", "FrameState", "Shot", "Track", "TrackProgress", "TrackSettings", "TrackedFrame", "iterate_track"]

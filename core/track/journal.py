@@ -20,7 +20,7 @@ from .shot import Link
 from .walk import Found, Tie
 
 FORMAT = 1
-READ_ERRORS = (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile, CameraError)
+READ_ERRORS = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, CameraError)
 Arrays = Mapping[str, NDArray[Any]]
 
 

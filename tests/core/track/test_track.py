@@ -1,0 +1,193 @@
+"""Whole tracks in the ray-cast room: accuracy, gaps, cuts, what is lost and said, and going on after an interruption."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from boxroom import DEPTH, LENS, TRUTH, BoxRoom
+
+from core.errors import PhotoError, RefineError
+from core.geometry.camera import Camera, pose_error
+from core.geometry.lie import se3_exp
+from core.photos.photo import Photo
+from core.track import Found, Shot, TrackSettings, iterate_track
+from core.track.journal import read_found, write_found
+
+COUNT = 9
+AWAY = se3_exp(np.array([0.9, 0.0, -0.4, 0.0, 0.35, 0.0])) @ TRUTH  # another place in the room
+SETTINGS = TrackSettings(long_side_px=320)
+FRAMES = range(1001, 1001 + COUNT)
+
+
+def true_pose(frame):
+    """A hand-held move: along, and shaking."""
+    n = frame - FRAMES[0]
+    shake = 0.004 * np.array([np.sin(1.7 * n), np.cos(2.3 * n), np.sin(0.9 * n)])
+    return se3_exp(np.array([0.03 * n, 0.01 * np.sin(n), 0.02 * n, *shake])) @ TRUTH
+
+
+@pytest.fixture(scope="module")
+def room():
+    return BoxRoom()
+
+
+@pytest.fixture(scope="module")
+def photos(room):
+    return {frame: room.photo(LENS, true_pose(frame), seed=frame) for frame in FRAMES}
+
+
+@pytest.fixture(scope="module")
+def track(room, photos):
+    return run(room, photos)
+
+
+def run(room, photos, lens=LENS, guessed=False, start=FRAMES[4], settings=SETTINGS, found=None, recover=None, off=0.0):
+    begin = se3_exp(off * np.array([0.02, -0.01, 0.01, 0.002, -0.003, 0.001])) @ true_pose(start)
+    camera = Camera(lens, begin, focal_guessed=guessed)
+    shot = Shot(lambda frame: read(photos, frame), list(FRAMES), recover, "plate.{:04d}.png".format)
+    steps = iterate_track(room, shot, {start: camera}, settings, found)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def read(photos, frame):
+    if photos[frame] is None:
+        raise PhotoError("The file is damaged.")
+    return photos[frame]
+
+
+def errors(track):
+    """Per cent of the depth and degrees, of every frame."""
+    found = [pose_error(frame.camera.pose, true_pose(frame.frame)) for frame in track.frames]
+    return np.array([(100 * distance / DEPTH, degrees) for distance, degrees in found])
+
+
+def test_every_frame_is_found_from_one_start(track):
+    assert [frame.frame for frame in track.frames] == list(FRAMES)
+    assert {frame.state for frame in track.frames} == {"good"}
+    assert track.verdict == "trusted"
+    assert (np.sqrt((errors(track) ** 2).mean(0)) < (0.10, 0.03)).all()
+    assert track.frames[3].camera.file == "plate.1004.png"
+    assert track.lens == LENS and not track.numbers
+
+
+def test_the_stated_error_is_that_of_the_pictures(track):
+    """A camera that is turned by a pixel must not be called as good as the right one."""
+    assert max(frame.rms_px for frame in track.frames) < 0.5
+
+
+def test_a_start_some_pixels_off_is_drawn_in(room, photos, track):
+    off = run(room, photos, off=1.0)
+    assert np.abs(errors(off) - errors(track)).max() < 0.05
+
+
+def test_a_guessed_lens_is_solved_for_the_shot(room, photos):
+    guess = replace(LENS, fx=1.004 * LENS.fx, fy=1.004 * LENS.fy, dist=(-0.07, 0.02, 0.0, 0.0, 0.0))
+    solved = run(room, photos, guess, guessed=True)
+    assert solved.lens.focal == pytest.approx(LENS.focal, rel=2e-3)
+    assert abs(solved.lens.focal - LENS.focal) < 3 * solved.numbers[0].std
+    held = run(room, photos, guess, guessed=True, settings=replace(SETTINGS, solve_lens=False))
+    assert held.lens == guess
+    assert np.median(errors(solved)[:, 0]) < np.median(errors(held)[:, 0])
+
+
+def covered(photo, share=1.0):
+    """The photo behind somebody who stands in front of the lens."""
+    pixels = photo.pixels.copy()
+    noise = np.random.default_rng(0).integers(0, 60, (12, 16, 3)).astype(np.uint8)
+    width = int(share * photo.width)
+    pixels[:, :width] = cv2.resize(noise, (photo.width, photo.height), interpolation=cv2.INTER_NEAREST)[:, :width]
+    return Photo(pixels)
+
+
+def test_covered_frames_are_lost_and_those_behind_them_followed_over_the_gap(room, photos):
+    hidden = {frame: covered(photo) if frame in FRAMES[5:7] else photo for frame, photo in photos.items()}
+    track = run(room, hidden)
+    states = {frame.frame: frame.state for frame in track.frames}
+    assert [f for f, state in states.items() if state == "lost"] == list(FRAMES[5:7])
+    assert states[FRAMES[7]] == states[FRAMES[8]] == "good"
+    assert track.verdict == "check" and "2 are not tied" in track.reasons[0]
+    assert errors(track)[5:7].max() < 3.0, "on the path between the frames beside them"
+
+
+def test_behind_a_cut_frames_are_found_anew_and_followed_back_to_it(room, photos):
+    away = room.photo(LENS, AWAY, seed=1)
+    cut = {frame: away if frame in FRAMES[5:] else photo for frame, photo in photos.items()}
+    asked = []
+
+    def recover(photo, last):
+        asked.append(last)
+        return AWAY if len(asked) == 3 else None
+
+    track = run(room, cut, recover=recover)
+    assert len(asked) == 3, "after one lost frame, two and four"
+    assert {frame.state for frame in track.frames} == {"good"}
+    assert all(pose_error(frame.camera.pose, AWAY)[0] < 0.002 * DEPTH for frame in track.frames[5:])
+
+
+def test_half_a_picture_that_is_hidden_costs_no_frame(room, photos):
+    hidden = {frame: covered(photo, 0.4) if frame in FRAMES[2:7] else photo for frame, photo in photos.items()}
+    track = run(room, hidden)
+    assert {frame.state for frame in track.frames} <= {"good", "weak"}
+    assert errors(track)[:, 0].max() < 0.4
+
+
+def test_a_frame_that_cannot_be_read_is_said_and_ends_nothing(room, photos):
+    track = run(room, {**photos, FRAMES[1]: None}, recover=lambda photo, last: true_pose(FRAMES[0]))
+    states = {frame.frame: (frame.state, frame.reason) for frame in track.frames}
+    assert states[FRAMES[1]] == ("lost", "The file is damaged.")
+    assert {states[f][0] for f in FRAMES[2:]} == {"good"}
+
+
+def test_fewer_than_half_of_the_frames_fail(room, photos):
+    track = run(room, {frame: photo if frame in FRAMES[3:6] else covered(photo) for frame, photo in photos.items()})
+    assert track.verdict == "failed"
+
+
+def test_a_start_that_sits_nowhere_is_one_sentence(room, photos):
+    with pytest.raises(RefineError, match="No frame sits on the splat at its start"):
+        run(room, {frame: covered(photo) for frame, photo in photos.items()})
+    shot = Shot(photos.get, list(FRAMES))
+    with pytest.raises(RefineError, match="No frame of the range has a camera"):
+        next(iterate_track(room, shot, {7: Camera(LENS, TRUTH)}, SETTINGS))
+
+
+def test_an_interrupted_track_goes_on_to_the_same_end(room, photos, track, tmp_path):
+    found = Found()
+    shot = Shot(photos.get, list(FRAMES))
+    steps = iterate_track(room, shot, {FRAMES[4]: Camera(LENS, true_pose(FRAMES[4]))}, SETTINGS, found)
+    for _ in range(5):
+        next(steps)
+    steps.close()
+    assert len(found.ties) == 6
+    write_found(tmp_path / "j", found, "key")
+    assert not read_found(tmp_path / "j", "another").ties
+    again = read_found(tmp_path / "j", "key")
+    assert list(again.ties) == list(found.ties) and len(again.links) == len(found.links)
+    seen = []
+    photos = {**photos}
+    end = run(room, _Noted(photos, seen), found=again)
+    assert set(seen) <= {FRAMES[4], FRAMES[8], *FRAMES[:4]}, "frames that were found are not read again, but where it goes on"
+    assert np.abs(errors(end) - errors(track)).max() < 0.02
+
+
+class _Noted(dict):
+    """Notes which frames are asked for."""
+
+    def __init__(self, photos, seen):
+        super().__init__(photos)
+        self.seen = seen
+
+    def __getitem__(self, frame):
+        self.seen.append(frame)
+        return super().__getitem__(frame)
+
+
+@pytest.mark.parametrize("data", [b"", b"no zip", b"PK\x03\x04 cut"])
+def test_a_damaged_journal_is_as_none(tmp_path, data):
+    (tmp_path / "j").write_bytes(data)
+    assert not read_found(tmp_path / "j", "key").ties
