@@ -31,8 +31,10 @@ from ..operators import (
     same_lens,
     set_mask,
     set_masks,
+    track_plate,
     undistort_photo,
     up_axis,
+    weak_frame,
 )
 from .camera import frame as camera_frame
 from .headless import command as cli
@@ -75,7 +77,9 @@ _class_modules = (
     report_problem,
     reset_settings,
     add_plate,
+    track_plate,
     refine_sequence,
+    weak_frame,
     panels,
     photo_panel,
     preview_panel,

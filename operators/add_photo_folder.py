@@ -25,6 +25,9 @@ class GSSMC_OT_add_photo_folder(AddsPhotos, bpy.types.Operator):
     def _others(self) -> list[str]:
         return adding.others_in(self._folder())
 
+    def _raws(self) -> int:
+        return len(adding.raws_in(self._folder()))
+
     def _folder(self) -> Path:
         """The folder that the browser shows; scripts may name the folder or a photo in it."""
         if not self.directory and self.filepath:

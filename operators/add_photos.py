@@ -44,12 +44,16 @@ class AddsPhotos(JobFromFile):
         if not paths:
             raise RefineError(rpt_("All of these photos are on the list already."))
         job = adding.AddPhotosJob(context.scene, paths, self.camera_file)
-        job.known, job.others = len(chosen) - len(paths), self._others()
+        job.known, job.others, job.raws = len(chosen) - len(paths), self._others(), self._raws()
         return job
 
     def _others(self) -> list[str]:
         """Names of files that were left out because they are no photos."""
         return []
+
+    def _raws(self) -> int:
+        """How many raw photos were left out because they are chosen as pictures too."""
+        return 0
 
     def apply(self, context: bpy.types.Context, job: adding.AddPhotosJob, result: Any) -> set[str]:
         scene = context.scene

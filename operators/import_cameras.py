@@ -22,7 +22,9 @@ class GSSMC_OT_import_cameras(JobFromFile, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     __annotations__ = {
-        "filter_glob": StringProperty(default="*.json;*.txt;*.bin;*.xml;*.csv;*.sfm;*.out;*.nvm", options={"HIDDEN"}),
+        "filter_glob": StringProperty(
+            default="*.json;*.txt;*.bin;*.xml;*.csv;*.sfm;*.out;*.nvm;*.xmp;*.r3d;*.fspy;*.abc", options={"HIDDEN"}
+        ),
         "photos": StringProperty(
             name="Photos",
             subtype="DIR_PATH",

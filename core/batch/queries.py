@@ -138,11 +138,11 @@ def _with_lenses(records: Sequence[StartCamera | Unplaced | Refused], photos: li
             continue
         try:
             guess = guess_lens_of_file(photo) if record.intrinsics is None else None
-        except PhotoError as error:
+            cameras.append(_with_lens(record, guess))
+        except (PhotoError, CameraError) as error:
             cameras.append(Refused(record, str(error)))
             continue
         assumed += [guess] if guess and record.tells_no_lens else []
-        cameras.append(_with_lens(record, guess))
     if not assumed:
         return BatchPhotos(cameras, photos)
     by_exif = sum(guess.focal_35mm is not None for guess in assumed)

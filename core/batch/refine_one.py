@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-from ..geometry.camera import Camera
+from ..geometry.camera import Camera, rotation_angle_deg
 from ..geometry.pinhole_cut import WideCamera
-from ..photos.fit import fit_camera
+from ..photos.fit import fit_camera, other_reading
 from ..photos.mask import masked
 from ..photos.photo import Photo, read_photo
+from ..pose.attempt import DONE, VERDICTS
 from ..pose.refine import refine
 from ..pose.report import RefineProgress, RefineReport
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
 from .refine_wide import WideRefinement
+
+TURNED_DEG = 90.0
+OTHER_FITS = (
+    "The photo is turned by its EXIF data, and its camera was taken for one of the {said} pixels, because that fits better; "
+    'say "orientation": "{said}" in the camera file.'
+)
+NOT_BETTER = "The photo is turned by its EXIF data; a camera of the other pixels, stored or upright, fits it no better."
 
 
 def read_masked_photo(photo: Path, mask: Path | None) -> Photo:
@@ -29,7 +38,32 @@ def refine_photo(
     settings: RefineSettings,
     on_progress: Callable[[RefineProgress], None] | None = None,
 ) -> RefineReport:
-    """Fits the camera to the photo and refines it. Raises the GssmcError of whatever cannot be used."""
+    """Fits the camera to the photo and refines it. Raises the GssmcError of whatever cannot be used.
+
+    Of a photo that EXIF turns by 180 degrees, no size shows whether the camera belongs to its upright or its stored pixels.
+    Where what the camera says leads to no trusted result, or to one turned against its start, the other is tried as well.
+    """
     if isinstance(camera, WideCamera):
         return WideRefinement(renderer, settings).run(photo, camera, on_progress)
-    return refine(renderer, photo, fit_camera(photo, camera), settings, on_progress)
+    report = refine(renderer, photo, fit_camera(photo, camera), settings, on_progress)
+    other = None if report.verdict == "trusted" and not _is_turned(report) else other_reading(photo, camera)
+    if other is None:
+        return report
+    told = None if on_progress is None else lambda p: on_progress(replace(p, fraction=DONE + (1 - DONE) * p.fraction))
+    again = refine(renderer, photo, other, settings, told)
+    seconds = report.seconds + again.seconds
+    if _merit(again) <= _merit(report):
+        return replace(report, seconds=seconds, details=(*report.details, NOT_BETTER))
+    said = "upright" if camera.pixel_order == "stored" else "stored"
+    return replace(again, seconds=seconds, reasons=(*again.reasons, OTHER_FITS.format(said=said)))
+
+
+def _is_turned(report: RefineReport) -> bool:
+    """Whether the result looks at the scene the other way up than its start."""
+    return rotation_angle_deg(report.start.pose.R.T @ report.camera.pose.R) > TURNED_DEG
+
+
+def _merit(report: RefineReport) -> tuple[int, bool, int]:
+    """Greater for the better of two: by the verdict, then by the start's turn, then by how much of the photo fits."""
+    corners = report.quality.region_corners if report.quality else 0
+    return VERDICTS.index(report.verdict), not _is_turned(report), corners

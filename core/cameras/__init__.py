@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import CameraError, DatasetError
 from ..support.words import counted
 from . import cambridge, camera_json, colmap, inria, nerfstudio, pose_list, seven_scenes
 from .files import StartCamera
-from .names import match_names
-from .programs import bundler, meshroom, metashape, ns_export, nvm, opensfm, others, realitycapture
-from .types import PosedFrame, PoseSet, QueryPhoto, Split, short
+from .names import match_names, record_of_photo
+from .programs import (
+    bundler,
+    fspy,
+    meshroom,
+    metashape,
+    ns_export,
+    nvm,
+    opensfm,
+    others,
+    polycam,
+    realitycapture,
+    realitycapture_xmp,
+    record3d,
+)
+from .types import PosedFrame, PoseSet, QueryPhoto, Split, bad_note, short
 from .unplaced import Unplaced, read_wanted
 
 __all__ = [
@@ -29,6 +42,7 @@ __all__ = [
     "match_names",
     "queries",
     "read",
+    "read_usable",
     "short",
     "starts",
 ]
@@ -47,15 +61,26 @@ class Layout:
 
 @dataclass(frozen=True)
 class CameraFile:
-    """The records of a file, in its order, and sentences on what of it is left out."""
+    """The usable records of a file, in its order, sentences on what of it is left out, `bad` those on records that cannot be
+    used, and how many records the file has in all.
+    """
 
     records: tuple[StartCamera | Unplaced, ...]
     notes: tuple[str, ...] = ()
+    bad: tuple[str, ...] = ()
+    count: int = 0
 
     @property
     def placed(self) -> tuple[StartCamera, ...]:
         """Those that have a pose."""
         return tuple(one for one in self.records if isinstance(one, StartCamera))
+
+    def record_of(self, photo: str, source: str) -> StartCamera | Unplaced:
+        """The photo's own record (`record_of_photo`). Raises CameraError, which tells of a record that cannot be used too."""
+        try:
+            return record_of_photo(self.records, photo, source, alone=self.count == 1)
+        except CameraError as error:
+            raise CameraError(" ".join([str(error), *self.bad[:1]])) from None
 
 
 LAYOUTS: dict[str, Layout] = {
@@ -70,9 +95,13 @@ LAYOUTS: dict[str, Layout] = {
     "realitycapture": Layout(realitycapture.detect, realitycapture.read),
     "bundler": Layout(bundler.detect, bundler.read),
     "nvm": Layout(nvm.detect, nvm.read),
+    "polycam": Layout(polycam.detect, polycam.read),
+    "record3d": Layout(record3d.detect, record3d.read),
+    "fspy": Layout(fspy.detect, fspy.read),
     "others": Layout(others.detect, others.read),
     "cameras": Layout(camera_json.detect, camera_json.read),
     "colmap": Layout(colmap.detect, colmap.read),
+    "realitycapture-xmp": Layout(realitycapture_xmp.detect, realitycapture_xmp.read),
     "poses": Layout(pose_list.detect, pose_list.read),
 }
 
@@ -86,10 +115,15 @@ def read(path: Path, split: Split = "test") -> PoseSet:
     """The poses at `path`. `split` matters to layouts that have one. Raises DatasetError or CameraError, also where only one of
     the records cannot be used.
     """
-    found = LAYOUTS[_known(path)].read(path, split)
+    found = read_usable(path, split)
     if found.bad:
         raise DatasetError(found.bad[0])
     return found
+
+
+def read_usable(path: Path, split: Split = "test") -> PoseSet:
+    """As `read`; records that cannot be used are left out, and told of in the set's `notes`."""
+    return LAYOUTS[_known(path)].read(path, split)
 
 
 def camera_file(path: Path) -> CameraFile:
@@ -100,17 +134,11 @@ def camera_file(path: Path) -> CameraFile:
     if not path.exists():
         raise CameraError(f"There is no camera file at '{path}'; check the path.")
     if _known(path) == "cameras":
-        return CameraFile(tuple(read_wanted(path)))
+        wanted, bad = read_wanted(path)
+        return CameraFile(tuple(wanted), bad_note(bad, path.name), bad, len(wanted) + len(bad))
     found = LAYOUTS[_known(path)].read(path, "test")
     records = [
-        StartCamera(
-            one.pose,
-            one.name,
-            one.intrinsics,
-            pixel_order=found.pixel_order,
-            lens_of_size=one.lens_of_size,
-            wide=one.wide,
-        )
+        StartCamera(one.pose, one.name, one.intrinsics, one.focal_guessed, found.pixel_order, one.lens_of_size, one.wide)
         for one in found.frames
         if one.is_picture
     ]
@@ -118,7 +146,9 @@ def camera_file(path: Path) -> CameraFile:
         raise DatasetError(
             " ".join(found.notes) or f"No camera in '{path.name}' has a pose; give a file of cameras with poses."
         )
-    return CameraFile(tuple(records), (*found.notes, *_lacking(found.unsolved, found.unsolved + len(found.frames), path)))
+    count = found.unsolved + len(found.frames)
+    notes = (*found.notes, *_lacking(found.unsolved, count, path))
+    return CameraFile(tuple(records), notes, found.bad, count + len(found.bad))
 
 
 def starts(path: Path) -> CameraFile:
@@ -127,7 +157,8 @@ def starts(path: Path) -> CameraFile:
     if not found.placed:
         raise DatasetError(f'No camera in \'{path.name}\' has a pose; give cameras with "R" and "t".')
     count = len(found.records)
-    return CameraFile(found.placed, (*found.notes, *_lacking(count - len(found.placed), count, path)))
+    notes = (*found.notes, *_lacking(count - len(found.placed), count, path))
+    return replace(found, records=found.placed, notes=notes)
 
 
 def _lacking(rest: int, count: int, path: Path) -> tuple[str, ...]:
@@ -156,6 +187,7 @@ def _known(path: Path) -> str:
         if not path.exists():
             raise DatasetError(f"There is nothing at '{path}'; check the path.")
         raise DatasetError(
-            f"'{path}' is no folder of poses; it should hold TestSplit.txt, dataset_test.txt, images.txt or transforms.json."
+            f"'{path}' is no folder of poses; it should hold TestSplit.txt, dataset_test.txt, images.txt, images.bin, "
+            "transforms.json, a capture of Polycam or Record3D, or XMP files of RealityCapture."
         )
     return layout

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
 from ..errors import CameraError, DatasetError
+from ..support.picture_names import PICTURES, file_name, parts_of, spelt
 from ..support.words import counted
 from .types import short
 
-SUFFIX = re.compile(r"(\.(color|pose))?(\.(png|jpe?g|tiff?|webp|bmp|ppm|pgm|exr|hei[cf]|txt))?$", re.IGNORECASE)
+ENDINGS = "|".join(suffix.removeprefix(".") for suffix in (*PICTURES, ".ppm", ".pgm", ".txt"))
+SUFFIX = re.compile(rf"(\.(color|pose))?(\.({ENDINGS}))?$", re.IGNORECASE)
 WORDS = re.compile(r"[^\W_]+")
 
 
@@ -26,17 +27,21 @@ class NamesPhoto(Protocol):
 Record = TypeVar("Record", bound=NamesPhoto)
 
 
-def record_of_photo(records: Sequence[Record], photo: str, source: str) -> Record:
-    """The one rule by which a photo gets its start: the file's only record, or the only one that names the photo.
+def record_of_photo(records: Sequence[Record], photo: str, source: str, alone: bool = True) -> Record:
+    """The one rule by which a photo gets its start: the file's only record, or the only one that names the photo. `alone`: a
+    record that is alone here is so in its file, too.
 
-    Folders are left aside; equal file names go before other spellings of the same name. Raises CameraError when no record, or
-    more than one, names the photo; `source` is the camera file's name in its sentence.
+    Equal file names go before names that differ in case or in how accents are composed, and these before other spellings of
+    the same name; of several, the one whose folders are the photo's. Raises CameraError when no record, or more than one, names
+    the photo; `source` is the camera file's name in its sentence.
     """
-    if len(records) == 1:
+    if len(records) == 1 and alone:
         return records[0]
-    name = _file_name(photo)
-    named = [one for one in records if _file_name(one.file) == name]
-    named = named or [one for one in records if one.file and name_key(_file_name(one.file)) == name_key(name)]
+    name = file_name(photo)
+    named: list[Record] = []
+    for same in (str, spelt, name_key):
+        named = named or [one for one in records if one.file and same(file_name(one.file)) == same(name)]
+    named = _in_the_same_folders(named, photo) if len(named) > 1 else named
     if len(named) != 1:
         raise CameraError(
             f"'{source}' holds {counted(len(records), 'camera')}, {len(named)} of them for '{short(name)}'; "
@@ -45,13 +50,24 @@ def record_of_photo(records: Sequence[Record], photo: str, source: str) -> Recor
     return named[0]
 
 
+def _in_the_same_folders(named: Sequence[Record], photo: str) -> list[Record]:
+    """Those of which most folders, from the last one on, are the photo's."""
+    shared = [_shared_folders(one.file, photo) for one in named]
+    return [one for one, count in zip(named, shared, strict=True) if count == max(shared)]
+
+
+def _shared_folders(name: str, other: str) -> int:
+    count = 0
+    for a, b in zip(parts_of(name)[-2::-1], parts_of(other)[-2::-1], strict=False):
+        if spelt(a) != spelt(b):
+            break
+        count += 1
+    return count
+
+
 def names_photo(file: str, photo: str) -> bool:
     """Whether a record's `file` spells the name of the photo, folders aside."""
-    return name_key(_file_name(file)) == name_key(_file_name(photo))
-
-
-def _file_name(name: str) -> str:
-    return name.replace("\\", "/").rsplit("/", 1)[-1]
+    return name_key(file_name(file)) == name_key(file_name(photo))
 
 
 def name_key(name: str) -> str:
@@ -59,13 +75,13 @@ def name_key(name: str) -> str:
 
     'seq-03/frame-000844.color.png', 'seq-03\\frame-000844.pose.txt' and 'seq-03-frame-000844' have one key.
     """
-    stem = SUFFIX.sub("", unicodedata.normalize("NFC", name), count=1)
-    return " ".join(WORDS.findall(stem)).casefold() or name
+    stem = SUFFIX.sub("", spelt(name), count=1)
+    return " ".join(WORDS.findall(stem)) or name
 
 
 def name_tails(name: str) -> list[str]:
     """Keys of the name without its first folder, without its first two, and so on."""
-    parts = [part for part in name.replace("\\", "/").split("/") if part not in ("", ".")]
+    parts = parts_of(name)
     return [name_key("/".join(parts[k:])) for k in range(1, len(parts))]
 
 

@@ -10,7 +10,7 @@ from ..geometry.camera import Pose
 from ..geometry.quaternion import quaternion_from_rotation
 from ..support.atomic import atomic_write
 from ..support.words import counted
-from .text import data_lines, pose_from_columns
+from .text import POSE_COLUMNS, data_lines, pose_from_columns
 from .types import PosedFrame, PoseSet, Split, pose_set, short
 
 COLUMNS = 8
@@ -23,8 +23,12 @@ def detect(path: Path) -> bool:
 
 def read(path: Path, split: Split = "test") -> PoseSet:
     """All poses of the list. Raises DatasetError with the line that cannot be used."""
-    frames = []
+    frames: list[PosedFrame] = []
     for where, columns in data_lines(path):
+        if len(columns) < COLUMNS and not frames and path.suffix != ".txt":
+            raise DatasetError(
+                f"'{path.name}' is in no layout of cameras that is known; a pose list has lines of name {POSE_COLUMNS}."
+            )
         if len(columns) < COLUMNS:
             raise DatasetError(f"{where} has {counted(len(columns), 'column')}; it should hold name qw qx qy qz tx ty tz.")
         frames.append(PosedFrame(columns[0], pose_from_columns(columns[1:COLUMNS], where)))

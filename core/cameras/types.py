@@ -28,7 +28,8 @@ class PosedFrame:
     the file tells one: `intrinsics`, or `wide` for what those cannot hold.
 
     `lens_of_size`: the lens where the file does not tell the photo's size. `problem`: why there is no lens, or what is wrong
-    with it, as part of a sentence; `is_picture`: False for a picture that is not seen from one point.
+    with it, as part of a sentence; `is_picture`: False for a picture that is not seen from one point. `focal_guessed` as in
+    Camera.
     """
 
     name: str
@@ -37,6 +38,7 @@ class PosedFrame:
     lens_of_size: LensOfSize | None = None
     problem: str = ""
     is_picture: bool = True
+    focal_guessed: bool = False
     wide: WideLens | None = None
 
 
@@ -60,9 +62,7 @@ class PoseSet:
         """Sentences on what of the file is left out."""
         said = Counter(frame.problem for frame in self.frames if frame.problem)
         notes = [f"{counted(count, 'camera')} of '{self.source}': {problem}." for problem, count in said.items()]
-        if self.bad:
-            notes.append(f"{counted(len(self.bad), 'camera')} of '{self.source}' cannot be used and left out: {self.bad[0]}")
-        return tuple(notes)
+        return (*notes, *bad_note(self.bad, self.source))
 
     @property
     def names(self) -> list[str]:
@@ -86,18 +86,26 @@ def lens_of_file(lens: Intrinsics) -> Intrinsics:
     return lens
 
 
+def bad_note(bad: Sequence[str], source: str) -> tuple[str, ...]:
+    """What is said of records that cannot be used, of which `bad` tells why."""
+    return (f"{counted(len(bad), 'camera')} of '{source}' cannot be used and left out: {bad[0]}",) if bad else ()
+
+
 def short(name: str) -> str:
     """A name out of a file, fit to stand in a sentence: on one line, and cut where a damaged file made it endless."""
     line = " ".join(name.split())
     return line if len(line) <= LONGEST_NAME else line[: LONGEST_NAME - 3] + "..."
 
 
-def collect(records: Iterable[T], frame_of: Callable[[T], PosedFrame]) -> tuple[list[PosedFrame], tuple[str, ...]]:
-    """The frames of a file's records, and a sentence for each record of which none can be made."""
+def collect(records: Iterable[T], frame_of: Callable[[T], PosedFrame | None]) -> tuple[list[PosedFrame], tuple[str, ...]]:
+    """The frames of a file's records, and a sentence for each record of which none can be made. `frame_of` gives None for one
+    that tells no pose.
+    """
     frames, bad = [], []
     for record in records:
         try:
-            frames.append(frame_of(record))
+            found = frame_of(record)
+            frames += [] if found is None else [found]
         except (DatasetError, CameraError) as error:
             bad.append(str(error))
     return frames, tuple(bad)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
 from ..geometry.pinhole_cut import WideCamera
 from ..geometry.wide_lens import WideLens
@@ -47,9 +48,26 @@ class Unplaced:
         return cls(camera.file, lens, camera.focal_guessed, camera.pixel_order, wide)
 
 
-def read_wanted(path: str | Path) -> list[StartCamera | Unplaced]:
-    """The records of a camera JSON, in its order, each with or without a pose. Raises CameraError."""
-    return parse_file(Path(path), wanted_from_dict)
+def read_wanted(path: str | Path) -> tuple[list[StartCamera | Unplaced], tuple[str, ...]]:
+    """The records of a camera JSON, in its order, each with or without a pose, and a sentence for each that cannot be used.
+
+    Raises CameraError where that is none of them.
+    """
+    found = parse_file(Path(path), _wanted_or_why_not)
+    records, bad = (
+        [one for one in found if not isinstance(one, CameraError)],
+        [str(e) for e in found if isinstance(e, CameraError)],
+    )
+    if not records:
+        raise CameraError(bad[0])
+    return records, tuple(bad)
+
+
+def _wanted_or_why_not(data: Any, name: str) -> StartCamera | Unplaced | CameraError:
+    try:
+        return wanted_from_dict(data, name)
+    except CameraError as error:
+        return error
 
 
 def wanted_from_dict(data: Any, name: str = "The camera") -> StartCamera | Unplaced:

@@ -294,6 +294,6 @@ def focal_px_from_view(lens_mm: float, view: tuple[float, float], picture: tuple
     return focal * max(picture[0] / view[0], picture[1] / view[1])
 
 
-def focal_px_from_35mm(focal_35mm: float, width: int, height: int) -> float:
+def focal_px_from_35mm(focal_35mm: float, width: float, height: float) -> float:
     """Focal length in pixels from EXIF's 35 mm equivalent (mm), which is defined over the image's diagonal (CIPA DCG-001)."""
     return focal_35mm * float(np.hypot(width, height)) / DIAGONAL_35MM

@@ -7,10 +7,11 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from ..cameras import detect, inria, nerfstudio, read
+from ..cameras import detect, inria, nerfstudio, read_usable
 from ..cameras.files import load_json, start_from_dict
 from ..cameras.training_world import FILE as WORLD_FILE
 from ..cameras.training_world import read_training_world
+from ..cameras.types import bad_note
 from ..cameras.unplaced import is_unplaced
 from ..errors import CameraError, DatasetError
 from ..geometry.camera import Camera, Intrinsics, Pose
@@ -24,12 +25,16 @@ USUAL = Intrinsics(640, 480, 320 / math.tan(math.radians(30)), 320 / math.tan(ma
 def read_known(path: Path) -> list[Camera]:
     """The cameras at `path`, in any layout (of the training split, where there is one), in the splat file's coordinates.
 
-    Results of a refinement count where they are trusted. Raises DatasetError or CameraError.
+    Results of a refinement count where they are trusted. The log tells of records that cannot be used, which are left out.
+    Raises DatasetError or CameraError.
     """
     if detect(path) == "cameras":
-        found = _cameras(path)
+        found, bad = _cameras(path)
     else:
-        found = [(frame.name, frame.pose, frame.intrinsics) for frame in read(path, "train").frames]
+        poses = read_usable(path, "train")
+        found, bad = [(frame.name, frame.pose, frame.intrinsics) for frame in poses.frames], poses.bad
+    for note in bad_note(bad, path.name):
+        log.warning("%s", note)
     if not found:
         raise DatasetError(f"'{path}' holds no camera that is known; give cameras with poses, or trusted results.")
     return [Camera(lens or USUAL, pose, name) for name, pose, lens in found]
@@ -63,16 +68,22 @@ def cameras_beside(scan: Path) -> tuple[Path, list[Camera]] | None:
     return None
 
 
-def _cameras(path: Path) -> list[tuple[str, Pose, Intrinsics | None]]:
-    """Name, pose and lens of our own JSON's cameras, but for those whose verdict is a doubt."""
+def _cameras(path: Path) -> tuple[list[tuple[str, Pose, Intrinsics | None]], tuple[str, ...]]:
+    """Name, pose and lens of our own JSON's cameras, but for those whose verdict is a doubt, and why others are left out."""
     data = load_json(path)
     records = data.get("frames", [data]) if isinstance(data, dict) else data
     if not isinstance(records, list):
         raise DatasetError(f"'{path.name}' has no list of cameras under \"frames\"; give at least one camera there.")
-    out = []
+    out, bad = [], []
     for number, record in enumerate(records, 1):
         if is_unplaced(record) or (isinstance(record, dict) and record.get("verdict", "trusted") != "trusted"):
             continue
-        start = start_from_dict(record, f"Camera {number} of '{path.name}'")
+        try:
+            start = start_from_dict(record, f"Camera {number} of '{path.name}'")
+        except CameraError as error:
+            bad.append(str(error))
+            continue
         out.append((start.file, start.pose, start.intrinsics))
-    return out
+    if bad and not out:
+        raise CameraError(bad[0])
+    return out, tuple(bad)

@@ -1,4 +1,4 @@
-"""A photo's encoded pixels to upright ones: by OpenCV, and for HEIC by the pi-heif package where it is installed."""
+"""A photo's encoded pixels to upright ones: by OpenCV; HEIC, JPEG XL and raw photos by packages that may be installed."""
 
 from __future__ import annotations
 
@@ -12,23 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import PhotoError
+from ..support.quiet import quiet_opencv
 from . import jpeg
-from .containers import heif
+from .containers import heif, png
+from .containers import raw as developed
 from .containers.encoded import EncodedPicture
 from .size import EXR_SIGNATURE, check_photo_size, reduction
 
 HEIF_PACKAGE = "pi_heif"  # a wheel of its own, which the extension does not bring
 REDUCED_JPEG = {2: cv2.IMREAD_REDUCED_COLOR_2, 4: cv2.IMREAD_REDUCED_COLOR_4, 8: cv2.IMREAD_REDUCED_COLOR_8}
+JXL_SIGNATURES = ((0, b"\xff\x0a"), (4, b"JXL \r\n\x87\n"))
+JXL_PACKAGE = "pillow_jxl"  # adds JPEG XL to Pillow
 COLOURS = 3
 # What a file is that nothing here decodes: where its signature stands, the signature, and the words.
 OTHERS = (
-    (4, b"ftypcrx ", "a Canon raw photo (CR3)"),
-    (0, b"FUJIFILMCCD-RAW", "a Fujifilm raw photo (RAF)"),
-    (0, b"IIRO", "an Olympus raw photo (ORF)"),
-    (0, b"IIU\0", "a Panasonic raw photo (RW2)"),
-    (0, b"FOVb", "a Sigma raw photo (X3F)"),
-    (0, b"\xff\x0a", "a JPEG XL picture"),
-    (4, b"JXL \r\n", "a JPEG XL picture"),
     (0, b"8BPS", "a Photoshop document"),
     (0, b"%PDF", "a PDF document"),
 )
@@ -49,13 +46,18 @@ def decode(picture: EncodedPicture, name: str) -> DecodedPicture:
     """The pixels of a picture of the file `name`. Raises PhotoError when it cannot be decoded, or is too large for a photo."""
     if picture.size:
         check_photo_size(picture.size, name)
-    if heif.is_heic(picture.parts[0]):
+    factor = 1
+    if picture.raw_kind:
+        raw, factor = developed.develop(picture, name)
+    elif _is_jxl(picture.parts[0]):
+        raw, picture = _jxl(picture.parts[0], name), replace(picture, turned_by_decoder=True)
+    elif heif.is_heic(picture.parts[0]):
         raw, picture = _heic(picture.parts[0], name), replace(picture, turned_by_decoder=True)
     else:
         raw = _joined([_decoded(part, picture, name) for part in picture.parts], name)
     size = picture.size or (raw.shape[1], raw.shape[0])
     check_photo_size(size, name)
-    factor = reduction(size)
+    factor = max(factor, reduction(size))
     across = size[0] if picture.orientation < 5 or not picture.turned_by_decoder else size[1]
     if factor > 1 and raw.shape[1] >= across:
         # The decoder has not left pixels out.
@@ -72,13 +74,16 @@ def _decoded(part: bytes, picture: EncodedPicture, name: str) -> NDArray[Any]:
         raise PhotoError(
             f"'{name}' is an OpenEXR picture, which only Add Photo in Blender reads; save it as PNG, TIFF or JPEG."
         )
+    if part.startswith(png.SIGNATURE) and (problem := png.problem(part)):
+        raise PhotoError(f"The photo '{name}' {problem}; copy it again.")
     factor = reduction(picture.size) if picture.size else 1
     flags = cv2.IMREAD_UNCHANGED
     # The decoder leaves pixels out, so that they take no memory.
     if factor > 1 and part.startswith(jpeg.SIGNATURE):
         flags = REDUCED_JPEG[factor] | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        raw = cv2.imdecode(np.frombuffer(part, np.uint8), flags)
+        with quiet_opencv():
+            raw = cv2.imdecode(np.frombuffer(part, np.uint8), flags)
     # The image has too many pixels, or its header makes the decoder raise.
     except (cv2.error, MemoryError):
         raw = None
@@ -109,6 +114,31 @@ def _heic(data: bytes, name: str) -> NDArray[Any]:
         return np.asarray(package.open_heif(io.BytesIO(data), bgr_mode=True))
     except (ValueError, EOFError, SyntaxError, RuntimeError, OSError, MemoryError):
         raise _undecodable(data, name) from None
+
+
+def _is_jxl(data: bytes) -> bool:
+    return any(data.startswith(signature, at) for at, signature in JXL_SIGNATURES)
+
+
+def _jxl(data: bytes, name: str) -> NDArray[Any]:
+    """The pixels of a JPEG XL file, which its decoder turns as its header says."""
+    try:
+        import_module(JXL_PACKAGE)
+        images = import_module("PIL.Image")
+    except ImportError:
+        raise PhotoError(
+            f"'{name}' is a JPEG XL picture, which needs the Python package pillow-jxl-plugin; install it into this Python, or "
+            "save the photo as JPEG, PNG or TIFF."
+        ) from None
+    try:
+        with images.open(io.BytesIO(data)) as image:
+            check_photo_size(image.size, name)
+            pixels = np.asarray(image)
+    except (ValueError, EOFError, SyntaxError, RuntimeError, OSError, MemoryError):
+        raise _undecodable(data, name) from None
+    if pixels.ndim == COLOURS and pixels.shape[2] >= COLOURS:
+        return pixels[..., [2, 1, 0, *range(COLOURS, pixels.shape[2])]]
+    return pixels
 
 
 def _undecodable(data: bytes, name: str) -> PhotoError:

@@ -56,6 +56,18 @@ def fit_wide_camera(photo: Photo, camera: WideCamera) -> WideCamera:
     return WideCamera.of(fit_wide(photo, camera.lens, camera.pixel_order), pose, camera.file)
 
 
+def other_reading(photo: Photo, camera: Camera) -> Camera | None:
+    """`fit_camera` as if the camera said the other of the two about its pixels; None where the photo is not turned, or its size
+    shows which of them the camera belongs to.
+    """
+    order: PixelOrder = "upright" if camera.pixel_order == "stored" else "stored"
+    if photo.stored_upright or photo.orientation not in TURNS:
+        return None
+    orders = (camera.pixel_order, order)
+    read = {is_of_stored_pixels(photo, camera.intrinsics, one) for one in orders}
+    return fit_camera(photo, replace(camera, pixel_order=order)) if len(read) == len(orders) else None
+
+
 def fit_lens(photo: Photo, lens: Intrinsics, pixel_order: PixelOrder = "upright") -> Intrinsics:
     """As `fit_camera`, of a lens alone."""
     if is_of_stored_pixels(photo, lens, pixel_order):

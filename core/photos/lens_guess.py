@@ -49,8 +49,10 @@ def guess_lens_of_size(width: int, height: int) -> LensGuess:
 
 def _guess(photo: Photo | PhotoFacts) -> LensGuess:
     width, height, focal_35mm = photo.width, photo.height, photo.focal_35mm
+    pixel = photo.pixel_aspect if isinstance(photo, Photo) else 1.0
+    # The focal length in heights of a pixel, of which the picture is so many across as it is shown.
     if focal_35mm is None:
-        focal = max(width, height) / 2 / math.tan(math.radians(DEFAULT_FOV_DEG / 2))
+        focal = max(width * pixel, height) / 2 / math.tan(math.radians(DEFAULT_FOV_DEG / 2))
     else:
-        focal = focal_px_from_35mm(focal_35mm, width, height)
-    return LensGuess(Intrinsics(width, height, focal, focal, width / 2, height / 2), focal_35mm, photo.orientation)
+        focal = focal_px_from_35mm(focal_35mm, width * pixel, height)
+    return LensGuess(Intrinsics(width, height, focal / pixel, focal, width / 2, height / 2), focal_35mm, photo.orientation)

@@ -15,8 +15,8 @@ WHITE_SHARE = 0.99
 LINEAR_END, LINEAR_SLOPE, POWER, SCALE, OFFSET = 0.0031308, 12.92, 1 / 2.4, 1.055, 0.055  # the sRGB curve, IEC 61966-2-1
 
 
-def photo_from_linear(light: NDArray[np.float32], file: str = "") -> Photo:
-    """The photo of `light` (H, W, 4) float32, linear red, green, blue and alpha, row 0 on top.
+def photo_from_linear(light: NDArray[np.float32], file: str = "", pixel_aspect: float = 1.0) -> Photo:
+    """The photo of `light` (H, W, 4) float32, linear red, green, blue and alpha, row 0 on top; `pixel_aspect` as in Photo.
 
     Light has no white of its own: the brightest hundredth of the pixels becomes white. Values that are not finite, and pixels
     with an alpha of 0, are masked. Raises PhotoError when nothing is left to see.
@@ -36,7 +36,10 @@ def photo_from_linear(light: NDArray[np.float32], file: str = "") -> Photo:
     if not seen.all():
         notes.append("Pixels of the photo that are transparent or not finite are left out.")
     pixels = np.rint(srgb(np.clip(colour / np.float32(white), 0, 1)) * 255).astype(np.uint8)
-    return Photo(pixels, file, None, None if seen.all() else seen, tuple(notes), (width, height) if factor > 1 else None)
+    if pixel_aspect != 1:
+        notes.append(f"Its pixels are {pixel_aspect:.4g} times as wide as high, as its file says.")
+    mask, full = None if seen.all() else seen, (width, height) if factor > 1 else None
+    return Photo(pixels, file, None, mask, tuple(notes), full, pixel_aspect=pixel_aspect)
 
 
 def srgb(linear: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from ..errors import PhotoError
+from ..support.picture_names import SUFFIXES, spelt, stem_of
 from .photo import Photo, read_photo
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 # From this level (of 255) on, a pixel of the mask counts as white.
 WHITE = 128
 
@@ -26,8 +26,12 @@ def find_mask(masks: Path, photo: Path) -> Path | None:
         return masks
     if not masks.is_dir():
         raise PhotoError(f"There is no mask or folder of masks at '{masks}'; check the path.")
-    names = [photo.name + ".png", photo.name, *(photo.stem + suffix for suffix in SUFFIXES)]
-    found = (masks / name for name in names if (masks / name).is_file())
+    stem = stem_of(photo.name)
+    names = [photo.name + ".png", photo.name, f"{stem}.png", *(stem + suffix for suffix in SUFFIXES)]
+    exact = [masks / name for name in names]
+    there = {spelt(file.name): file for file in sorted(masks.iterdir(), reverse=True)}
+    alike = [there[spelt(name)] for name in names if spelt(name) in there]
+    found = (file for file in (*exact, *alike) if file.is_file())
     return next((file for file in found if not photo.exists() or not file.samefile(photo)), None)
 
 

@@ -36,6 +36,7 @@ class Photo:
     `notes`: sentences about what was done to the pixels on reading (16-bit scaled, alpha dropped, rotated).
     `full_size`: (width, height) of a very large photo whose `pixels` were reduced on reading; None when they are all there.
     `orientation`: 1..8 as EXIF numbers how the file's pixels lie; other than 1 where its own file shows the photo turned.
+    `pixel_aspect`: how wide a pixel is shown, in its heights, where the file says so (a squeezed plate).
     `width` and `height` are the photo's own, which its camera belongs to; `pixels` may be fewer.
     """
 
@@ -46,6 +47,7 @@ class Photo:
     notes: tuple[str, ...] = ()
     full_size: tuple[int, int] | None = None
     orientation: int = 1
+    pixel_aspect: float = 1.0
 
     @property
     def stored_upright(self) -> bool:
@@ -80,6 +82,8 @@ def _decoded(path: Path, data: bytes, exif: Exif) -> Photo:
         notes.append("The photo has 16 bits per channel; it is used with 8.")
     if raw.dtype != np.uint8:
         raise PhotoError(f"The photo '{path.name}' holds {raw.dtype} values; save it with 8 or 16 bits per channel.")
+    if picture.raw_kind:
+        notes.append("The raw photo is developed with its camera's white balance.")
     if picture.orientation != 1:
         notes.append(f"The photo is {ROTATION_WORDS[picture.orientation]}, as its EXIF data say.")
     factor, full = decoded.factor, decoded.full_size

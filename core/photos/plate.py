@@ -11,9 +11,14 @@ import cv2
 import numpy as np
 
 from ..errors import PhotoError
+from ..support.quiet import quiet_opencv
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name
+
+
+# What OpenCV's FFmpeg opens, and decodes with the help of some graphics cards alone.
+UNDECODED = {"av01": "AV1"}
 
 
 @dataclass(frozen=True)
@@ -66,26 +71,41 @@ def _movie_frames(path: Path) -> int:
     """How many frames a movie has; 0 for what is none (OpenCV opens numbered images as movies too, hence the suffixes)."""
     if path.suffix.lower() in {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".exr", ".bmp"}:
         return 0
-    movie = cv2.VideoCapture(str(path))
+    with quiet_opencv():
+        movie = cv2.VideoCapture(str(path))
     try:
         return int(movie.get(cv2.CAP_PROP_FRAME_COUNT)) if movie.isOpened() else 0
     finally:
         movie.release()
 
 
+def _codec(movie: cv2.VideoCapture) -> str:
+    """The four characters that name how the movie is coded."""
+    number = int(movie.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
+    return number.to_bytes(4, "little").decode("latin-1").lower()
+
+
 def _read_movie(path: Path, number: int) -> Photo:
     if not path.is_file():
         raise PhotoError(f"There is no movie at '{path}'; check the path.")
-    movie = cv2.VideoCapture(str(path))
+    with quiet_opencv():
+        movie = cv2.VideoCapture(str(path))
     try:
         if not movie.isOpened():
             raise PhotoError(f"The movie '{path.name}' cannot be opened; convert it to an image sequence.")
         if number < 1 or not movie.set(cv2.CAP_PROP_POS_FRAMES, number - 1):
             raise PhotoError(f"The movie '{path.name}' has no frame {number}.")
-        ok, frame = movie.read()
+        count, coded = int(movie.get(cv2.CAP_PROP_FRAME_COUNT)), _codec(movie)
+        with quiet_opencv():
+            ok, frame = movie.read()
     finally:
         movie.release()
     pixels: Any = frame
     if not ok or pixels is None or pixels.ndim != 3:
+        if number <= count and coded in UNDECODED:
+            raise PhotoError(
+                f"The movie '{path.name}' is coded as {UNDECODED[coded]}, which cannot be decoded here; convert it to H.264 or "
+                "to an image sequence."
+            )
         raise PhotoError(f"The movie '{path.name}' has no frame {number}.")
     return Photo(np.ascontiguousarray(pixels[..., 2::-1]), str(path))

@@ -14,6 +14,7 @@ from ..geometry.camera import Camera, FloatArray, Intrinsics, Pose
 from ..geometry.conventions import pixel_centres, to_opencv_pixels
 from ..photos.photo import Photo
 from ..render.view import RenderedView, ViewRenderer
+from ..support.quiet import quiet_opencv
 from .through_lens import render_through_lens
 
 Image = NDArray[np.uint8]
@@ -184,7 +185,8 @@ def encode_png(image: Image) -> bytes:
 
 def decode_png(data: bytes) -> Image | None:
     """The image of `encode_png`, None when the bytes are none."""
-    found: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    with quiet_opencv():
+        found: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if found is None or found.ndim != 3:
         return None
     return np.asarray(found[..., ::-1] if found.shape[2] == 3 else found[..., [2, 1, 0, 3]], np.uint8)

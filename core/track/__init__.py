@@ -2,7 +2,17 @@
 
 from .report import FrameState, Track, TrackedFrame, TrackProgress
 from .settings import TrackSettings
-from .track import Shot, iterate_track
-from .walk import Found
+from .track import Shot, iterate_track, track_of
+from .walk import PartialTrack
 
-__all__ = ["Found", "FrameState", "Shot", "Track", "TrackProgress", "TrackSettings", "TrackedFrame", "iterate_track"]
+__all__ = [
+    "FrameState",
+    "PartialTrack",
+    "Shot",
+    "Track",
+    "TrackProgress",
+    "TrackSettings",
+    "TrackedFrame",
+    "iterate_track",
+    "track_of",
+]

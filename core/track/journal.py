@@ -17,14 +17,14 @@ from ..pose.shared.least_squares import NormalEquations
 from ..support.atomic import atomic_write
 from .evidence import Evidence
 from .shot import Link
-from .walk import Found, Tie
+from .walk import PartialTrack, Tie
 
 FORMAT = 1
 READ_ERRORS = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, CameraError)
 Arrays = Mapping[str, NDArray[Any]]
 
 
-def write_found(path: Path, found: Found, key: str) -> None:
+def write_found(path: Path, found: PartialTrack, key: str) -> None:
     """Writes what was found in one step; `key` stands for everything that it depends on. Raises OSError."""
     ties, links = found.ties, found.links
     lost = {str(frame): reason for frame, reason in found.lost.items()}
@@ -45,25 +45,25 @@ def write_found(path: Path, found: Found, key: str) -> None:
         np.savez(file, **arrays)  # type: ignore[arg-type]
 
 
-def read_found(path: Path, key: str) -> Found:
+def read_found(path: Path, key: str) -> PartialTrack:
     """What an earlier track found under the same `key`; empty where there is none, or the file is of something else."""
     try:
         with np.load(path, allow_pickle=False) as arrays:
             head = json.loads(arrays["head"].tobytes())
             if head["format"] != FORMAT or head["key"] != key:
-                return Found()
+                return PartialTrack()
             return _found(arrays, {int(frame): str(reason) for frame, reason in head["lost"].items()})
     except READ_ERRORS:
-        return Found()
+        return PartialTrack()
 
 
-def _found(arrays: Arrays, lost: dict[int, str]) -> Found:
+def _found(arrays: Arrays, lost: dict[int, str]) -> PartialTrack:
     columns = [arrays[name].tolist() for name in ("frames", "cells", "depth")]
     poses = [Pose.as_it_is(R, t) for R, t in zip(arrays["R"], arrays["t"], strict=True)]
     rows = zip(*columns, poses, _unpacked("tie", arrays), strict=True)
     ties = {frame: Tie(pose, evidence, cells, depth) for frame, cells, depth, pose, evidence in rows}
     pairs = zip(arrays["links"].tolist(), _unpacked("link", arrays), strict=True)
-    return Found(ties, [Link(a, b, evidence) for (a, b), evidence in pairs], lost)
+    return PartialTrack(ties, [Link(a, b, evidence) for (a, b), evidence in pairs], lost)
 
 
 def _packed(name: str, evidence: Sequence[Evidence]) -> dict[str, NDArray[Any]]:

@@ -20,7 +20,7 @@ from .frames import GOOD_CELLS, GOOD_MATCHES, FrameMatcher, ReadFrame
 from .report import FrameState, Track, TrackedFrame, TrackProgress
 from .settings import TrackSettings
 from .shot import ShotProblem, ShotSolution, solve_shot
-from .walk import Found, Recover, Tie, Walk
+from .walk import PartialTrack, Recover, Tie, Walk
 
 # The RMS of a frame that is called good, in pixels of the frame, reduced to a long side of LONG_SIDE_PX where it is larger.
 GOOD_RMS_PX = 1.0
@@ -51,7 +51,7 @@ def iterate_track(
     shot: Shot,
     starts: Mapping[int, Camera],
     settings: TrackSettings,
-    found: Found | None = None,
+    found: PartialTrack | None = None,
 ) -> Tracking:
     """Tracks all frames; a generator that yields a `TrackProgress` after each and returns the `Track`.
 
@@ -65,17 +65,23 @@ def iterate_track(
     if not known:
         raise RefineError("No frame of the range has a camera to begin with; give one with a start, or find it first.")
     camera = next(iter(known.values()))
-    prior = LensPrior.of(camera)
-    matcher = FrameMatcher(renderer, camera.intrinsics, prior, settings.long_side_px)
-    found = Found() if found is None else found
+    matcher = FrameMatcher(renderer, camera.intrinsics, LensPrior.of(camera), settings.long_side_px)
+    found = PartialTrack() if found is None else found
     found.rolling = settings.rolling_shutter
     walk = Walk(matcher, shot.read, found, shot.recover)
     yield from _walked(walk, shot, known)
-    if not walk.found.ties:
-        raise RefineError(f"No frame sits on the splat at its start: {next(iter(walk.found.lost.values()), '')}")
-    solution = _solved(walk, camera, prior, settings)
-    yield TrackProgress(1.0, "solving the shot", shot.frames[-1])
-    return _Ending(walk, shot, camera, solution, settings).track(time.perf_counter() - began)
+    yield TrackProgress(WALKED, "solving the shot", shot.frames[-1])
+    return track_of(shot, camera, settings, found, time.perf_counter() - began)
+
+
+def track_of(shot: Shot, camera: Camera, settings: TrackSettings, found: PartialTrack, seconds: float) -> Track:
+    """The shot solved from what was `found` of it, also where the tracking was stopped in between; `camera`: that of a start.
+
+    Raises RefineError where no frame was tied to the splat.
+    """
+    if not found.ties:
+        raise RefineError(f"No frame sits on the splat at its start: {next(iter(found.lost.values()), '')}")
+    return _Ending(found, shot, camera, _solved(found, camera, settings), settings).track(seconds)
 
 
 def _walked(walk: Walk, shot: Shot, known: Mapping[int, Camera]) -> Generator[TrackProgress, None, None]:
@@ -100,13 +106,13 @@ def _walked(walk: Walk, shot: Shot, known: Mapping[int, Camera]) -> Generator[Tr
                 yield TrackProgress(WALKED * len(done) / len(frames), "tracking", frame, found)
 
 
-def _solved(walk: Walk, camera: Camera, prior: LensPrior, settings: TrackSettings) -> ShotSolution:
-    ties = walk.found.ties
+def _solved(found: PartialTrack, camera: Camera, settings: TrackSettings) -> ShotSolution:
+    ties, prior = found.ties, LensPrior.of(camera)
     lens = camera.intrinsics.with_long_side(settings.long_side_px)
     problem = ShotProblem(
         {frame: tie.pose for frame, tie in ties.items()},
         {frame: tie.evidence for frame, tie in ties.items()},
-        [link for link in walk.found.links if link.a in ties and link.b in ties],
+        [link for link in found.links if link.a in ties and link.b in ties],
         lens,
         prior.resized(lens.width, lens.height),
         settings.solve_lens and not prior.calibrated,
@@ -119,7 +125,7 @@ def _solved(walk: Walk, camera: Camera, prior: LensPrior, settings: TrackSetting
 class _Ending:
     """What is made of a solved shot."""
 
-    walk: Walk
+    found: PartialTrack
     shot: Shot
     camera: Camera
     solution: ShotSolution
@@ -130,7 +136,7 @@ class _Ending:
         return moved_lens(self.camera.intrinsics, self.solution.lens_step)
 
     def track(self, seconds: float) -> Track:
-        poses, depth = self._poses(), median(tie.median_depth for tie in self.walk.found.ties.values())
+        poses, depth = self._poses(), median(tie.median_depth for tie in self.found.ties.values())
         frames = tuple(self._frame(frame, poses[frame]) for frame in self.shot.frames)
         verdict, reasons = _judge(frames)
         numbers: tuple[LensNumber, ...] = ()
@@ -156,9 +162,9 @@ class _Ending:
     def _frame(self, frame: int, pose: Pose) -> TrackedFrame:
         name = self.shot.name(frame)
         camera = replace(self.camera, intrinsics=self.lens, pose=pose, focal_guessed=False, file=name)
-        tie = self.walk.found.ties.get(frame)
+        tie = self.found.ties.get(frame)
         if tie is None:
-            reason = self.walk.found.lost.get(frame, "No frame beside it could be followed to it.")
+            reason = self.found.lost.get(frame, "No frame beside it could be followed to it.")
             return TrackedFrame(frame, camera, "lost", reason, 0, float("nan"))
         k = self.camera.intrinsics
         size = max(k.width, k.height)

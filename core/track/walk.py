@@ -44,7 +44,7 @@ class Tie:
 
 
 @dataclass(eq=False)
-class Found:
+class PartialTrack:
     """What the walks found so far: `ties` and `links` of frames, and why the others are `lost`. `rolling`: whether a rolling
     shutter is to be solved for.
     """
@@ -67,7 +67,7 @@ class Walk:
 
     matcher: FrameMatcher
     read: ReadFrame
-    found: Found
+    found: PartialTrack
     recover: Recover | None = None
 
     def along(self, frames: Sequence[int], before: SolvedFrame, at: int) -> Generator[int, None, None]:

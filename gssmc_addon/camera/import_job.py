@@ -6,6 +6,7 @@ made is kept by session id.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
@@ -26,13 +27,17 @@ from ...core.photos.fit import fit_camera, fit_wide_camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, PhotoFacts, photo_facts, read_photo
 from ...core.photos.places import PhotoFinder
+from ...core.support.picture_names import stem_of
 from ..jobs.machine import Job
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..splat import object as splat_object
 from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
+from . import alembic
 from . import bridge as camera_bridge
+
+log = logging.getLogger(__name__)
 
 COLMAP_OTHERS = ("cameras", "points3D", "frames", "rigs")
 SLICE_S = 0.05  # How much of each tick is used; a photo that has to be rotated may take longer.
@@ -67,13 +72,16 @@ class Found:
     notes: tuple[str, ...] = ()
 
 
-def read_incoming(path: Path, photos: Path | None, world: Path | None = None) -> Generator[float, None, Found]:
+def read_incoming(
+    path: Path, photos: Path | None, world: Path | None = None, given: datasets.CameraFile | None = None
+) -> Generator[float, None, Found]:
     """The cameras of a file or folder, read step by step (yields the share done). Needs no Blender. Raises GssmcError.
 
-    `world`: nerfstudio's file that says how the splat's world lies to the cameras'.
+    `world`: nerfstudio's file that says how the splat's world lies to the cameras'. `given`: the cameras, where Blender has
+    read them.
     """
     path = model_of(path)
-    finder, read, found = PhotoFinder(path, photos), datasets.starts(path), []
+    finder, read, found = PhotoFinder(path, photos), given or datasets.starts(path), []
     starts = read.placed
     if world is not None:
         moved = read_training_world(world)
@@ -144,7 +152,8 @@ class CameraImport(Job):
     def __init__(
         self, scene: bpy.types.Scene, path: Path, photos: Path | None, set_resolution: bool, world: Path | None = None
     ) -> None:
-        super().__init__(partial(read_incoming, path, photos, world))
+        given = alembic.read(path) if alembic.is_alembic(path) else None
+        super().__init__(partial(read_incoming, path, photos, world, given))
         self.step = n_("Reading cameras and photos")
         self.made = self.shown = self.left_out = 0
         self.unfit: list[str] = []
@@ -227,7 +236,7 @@ class CameraImport(Job):
 
     def _make(self, item: Incoming) -> None:
         scene, collection = by_uid(bpy.data.scenes, self._scene), self._living_collection()
-        name = Path(item.camera.file).stem or self._path.stem
+        name = stem_of(item.camera.file) or self._path.stem
         obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
         collection.objects.link(obj)
         if item.file:
@@ -247,7 +256,13 @@ class CameraImport(Job):
 
 
 def _image(file: Path, turned: bool) -> bpy.types.Image:
-    """The photo upright: Blender's own image unless EXIF turns it. Blender decodes it when it first shows it."""
-    return (
-        photo_image.load_image(str(file), read_photo(file)) if turned else bpy.data.images.load(str(file), check_existing=True)
-    )
+    """The photo upright: Blender's own image, which it decodes when it first shows it, unless EXIF turns the photo or Blender
+    cannot read its kind.
+    """
+    if turned or file.suffix.lower() not in photo_image.READ_BY_BLENDER:
+        try:
+            return photo_image.load_image(str(file), read_photo(file))
+        except PhotoError as error:
+            # The header could be read and the pixels cannot, which must not cost the other cameras.
+            log.warning("%s", error)
+    return bpy.data.images.load(str(file), check_existing=True)

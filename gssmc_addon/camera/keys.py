@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import bpy
 
@@ -13,18 +14,32 @@ from . import channels as camera_channels
 TRANSFORM = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle", "scale")
 
 
+@dataclass(frozen=True)
+class KeyOptions:
+    """`lens`: whether focal length and shift are keyed; `filled`: the frames whose camera was not found by itself, but lies on
+    the path of the others; their keys are of Blender's type Generated.
+    """
+
+    lens: bool = False
+    filled: frozenset[int] = frozenset()
+
+
 def write(
-    scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, cameras: Mapping[int, Camera], key_lens: bool
+    scene: bpy.types.Scene,
+    camera: bpy.types.Object,
+    splat: bpy.types.Object,
+    cameras: Mapping[int, Camera],
+    keys: KeyOptions,
 ) -> None:
-    """Keys location and rotation, and the lens if `key_lens`, at the frames of `cameras`; other keys between the first and the
-    last of them go. The scene ends at the frame where it was.
+    """Keys location and rotation, and the lens if `keys` say so, at the frames of `cameras`; other keys between the first and
+    the last of them go. The scene ends at the frame where it was.
 
     Raises CameraError, with nothing written and no key lost, when the camera cannot be written at one of the frames.
     """
     check(scene, camera, splat, {frame: found.pose for frame, found in cameras.items()})
     current, part, before = scene.frame_current, scene.frame_subframe, None
     rotation = camera_channels.rotation_path(camera)
-    paths = {camera: ["location", rotation], camera.data: list(camera_channels.LENS_PATHS) if key_lens else []}
+    paths = {camera: ["location", rotation], camera.data: list(camera_channels.LENS_PATHS) if keys.lens else []}
     for block, names in paths.items():
         _clear(block, names, min(cameras), max(cameras))
     try:
@@ -34,7 +49,8 @@ def write(
             before = continue_turn(camera, before)
             for block, names in paths.items():
                 for name in names:
-                    block.keyframe_insert(name, frame=frame)
+                    kind = "GENERATED" if frame in keys.filled else "KEYFRAME"
+                    block.keyframe_insert(name, frame=frame, keytype=kind)
     finally:
         scene.frame_set(current, subframe=part)
 

@@ -155,7 +155,7 @@ def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
 
 def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, solution: SolvedCamera) -> str:
     if solution.path:
-        camera_keys.write(scene, camera, splat, dict(solution.path), solution.keys_lens)
+        camera_keys.write(scene, camera, splat, dict(solution.path), camera_keys.KeyOptions(solution.keys_lens))
         return rpt_("Its keyframes are those that were solved.")
     if solution.frame is not None and solution.frame != scene.frame_current:
         scene.frame_set(solution.frame)  # Each frame of a moving photo has a camera of its own.

@@ -18,6 +18,7 @@ from ...core.geometry.conventions import Orientation
 from ...core.photos.photo import read_photo
 from ...core.pose.report_json import report_to_dict
 from ...core.splats import read_splats
+from ...core.support.picture_names import stem_of
 from ..camera import bridge as camera_bridge
 from ..camera import record as camera_record
 from ..camera import solution as camera_solution
@@ -74,7 +75,7 @@ def _add_camera(camera: Camera, photo_file: Path | None, verdict: dict[str, Any]
     """A camera object at the engine's camera, with its photo behind it where there is one that can be read."""
     scene = bpy.context.scene
     camera = camera.relative_to(splat_object.origin_of(scene.gssmc.splat))
-    name = Path(camera.file).stem or "Camera"
+    name = stem_of(camera.file) or "Camera"
     obj = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     scene.collection.objects.link(obj)
     first = scene.camera is None  # The first photo gives the render its shape; the others are fitted into it.

@@ -10,6 +10,9 @@ import bpy
 
 from ...core.errors import RefineError
 from ...core.photos.photo import Photo, read_photo
+from ...core.support.picture_names import PICTURES as SUFFIXES
+from ...core.support.picture_names import RAW_SUFFIXES, spelt_parts
+from ...core.support.picture_names import SUFFIXES as PICTURE_SUFFIXES
 from ..jobs.machine import QueueJob
 from ..jobs.worker import Steps
 from ..support.texts import iface_, n_, rpt_
@@ -17,19 +20,26 @@ from . import camera as photo_camera
 from . import image as photo_image
 from . import list as photo_list
 
-SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".avif", ".heic", ".heif", ".dng", ".bmp", ".exr")
 NAMED = 5  # files that a sentence names
 FILTER = ";".join(f"*{suffix}" for suffix in SUFFIXES)  # The file browser shows these files.
 
 
 def photos_in(folder: Path) -> list[Path]:
-    """The photo files right in a folder, by name. Raises RefineError when there are none."""
+    """The photo files right in a folder, by name, without `raws_in`. Raises RefineError when there are none."""
     if not folder.is_dir():
         raise RefineError(rpt_("There is no folder at '{folder}'; choose the folder of the photos.", folder=folder))
-    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file())
+    doubles = set(raws_in(folder))
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file() and p not in doubles)
     if not found:
         raise RefineError(rpt_("The folder '{folder}' holds no photos (JPEG, PNG, TIFF, WebP or OpenEXR).", folder=folder.name))
     return found
+
+
+def raws_in(folder: Path) -> list[Path]:
+    """The folder's raw photos that lie there as a picture too, which a camera writes beside them."""
+    files = [path for path in folder.iterdir() if path.is_file()]
+    pictures = {spelt_parts(path.name)[0] for path in files if spelt_parts(path.name)[1] in PICTURE_SUFFIXES}
+    return [p for p in files if spelt_parts(p.name)[1] in RAW_SUFFIXES and spelt_parts(p.name)[0] in pictures]
 
 
 def others_in(folder: Path) -> list[str]:
@@ -55,7 +65,8 @@ def chosen_photos(directory: str, names: Sequence[str], filepath: str) -> list[P
 class AddPhotosJob(QueueJob):
     """Reads the photos and gives each a camera. Its result is the job itself: `added` cameras and `failed` (file, why).
 
-    `known`: how many of the files that were chosen are on the list already; `others`: names of files that are no photos.
+    `known`: how many of the files that were chosen are on the list already; `others`: names of files that are no photos;
+    `raws`: how many raw photos were left out for their pictures.
     """
 
     status = n_("Adding photos    Esc: stop")
@@ -65,7 +76,7 @@ class AddPhotosJob(QueueJob):
         self.paths, self.camera_file = paths, camera_file
         self.added: list[int] = []  # session ids of the cameras
         self.failed: list[tuple[str, str]] = []
-        self.known, self.others = 0, list[str]()
+        self.known, self.others, self.raws = 0, list[str](), 0
         self._scene = scene.session_uid
 
     def check(self) -> None:
@@ -115,6 +126,10 @@ class AddPhotosJob(QueueJob):
             names, more = ", ".join(self.others[:NAMED]), ", ..." if len(self.others) > NAMED else ""
             values = {"count": len(self.others), "names": names + more}
             sentences.append(rpt_("{count} other files are no photos that can be read, and left out: {names}.", **values))
+        if self.raws == 1:
+            sentences.append(rpt_("1 raw photo was left out, because it is there as a picture too."))
+        elif self.raws:
+            sentences.append(rpt_("{count} raw photos were left out, because they are there as pictures too.", count=self.raws))
         left = self.count - len(self.added) - len(self.failed)
         if left == 1:
             sentences.append(rpt_("1 was left out when you stopped."))

@@ -8,17 +8,16 @@ from pathlib import Path
 import bpy
 
 from ...core.cameras import camera_file
-from ...core.cameras.names import record_of_photo
 from ...core.cameras.unplaced import Unplaced
 from ...core.errors import CameraError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera, Intrinsics, Pose
 from ...core.geometry.pinhole_cut import WideCamera
-from ...core.photos.cut import central_photo
 from ...core.photos.fit import fit_camera as fit_to_photo
 from ...core.photos.fit import fit_lens, fit_wide, fit_wide_camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo
+from ...core.pictures.cut import central_photo
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame
@@ -52,7 +51,7 @@ def find_camera(scene: bpy.types.Scene, path: str, photo: Photo, may_cut: bool =
     `may_cut`: the photo can be cut (`cut_photo`), so that a wide lens is handed on. Raises CameraError when none or several
     name the photo or no splat can carry the pose, PhotoError when the shapes differ, or a wide lens may not be cut.
     """
-    wanted = record_of_photo(camera_file(Path(bpy.path.abspath(path))).records, photo.file, Path(path).name)
+    wanted = camera_file(Path(bpy.path.abspath(path))).record_of(photo.file, Path(path).name)
     if isinstance(wanted, Unplaced):
         return _unplaced(photo, wanted, may_cut)
     if not scene.gssmc.splat:
@@ -158,7 +157,8 @@ def fit_camera(context: bpy.types.Context, camera: bpy.types.Object, loaded: Loa
     scene.camera = camera
     notes = list(photo.notes)
     data.gssmc.photo = loaded.image  # The update function of the property shows it behind the camera.
-    notes += frame(scene, (photo.width, photo.height), set_resolution, conventions.pixel_shape(lens) if lens else None)
+    pixel = conventions.pixel_shape(lens) if lens else None if photo.pixel_aspect == 1 else photo.pixel_aspect
+    notes += frame(scene, (photo.width, photo.height), set_resolution, pixel)
     if isinstance(given, Camera):
         camera_bridge.write_camera(scene, camera, scene.gssmc.splat, given)
         camera_channels.write_keyframes(scene, camera)
@@ -178,6 +178,9 @@ def fit_camera(context: bpy.types.Context, camera: bpy.types.Object, loaded: Loa
 def _lens_from_exif(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Photo) -> str:
     if not photo.focal_35mm:
         camera_bridge.move_to_render(scene, data, photo.width, photo.height)
+        if photo.pixel_aspect != 1:
+            lens = camera_bridge.photo_intrinsics(scene, data, photo.width, photo.height)
+            camera_bridge.write_intrinsics(scene, data, replace(lens, fx=lens.fy / photo.pixel_aspect))
         return rpt_(
             "The photo does not say its focal length; the camera's ({lens:.3g} mm) is a first guess, and is solved for.",
             lens=data.lens,

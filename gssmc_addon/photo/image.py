@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ...core.errors import PhotoError
+from ...core.photos.exr import HEADER_BYTES, pixel_aspect
 from ...core.photos.linear import photo_from_linear
 from ...core.photos.photo import Photo, photo_facts, read_photo
 from ...core.photos.size import EXR_SIGNATURE
@@ -19,6 +20,8 @@ from ..support.texts import rpt_
 log = logging.getLogger(__name__)
 
 FILE_KEY = "gssmc_file"
+# Kinds of files that every Blender shows; of others (AVIF, HEIC, JPEG XL, raw photos) a copy is made.
+READ_BY_BLENDER = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".exr")
 # Of a background image: frame method, offset x and y, scale, rotation, flips along x and y.
 STRAIGHT = ("FIT", 0.0, 0.0, 1.0, 0.0, False, False)
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
@@ -27,18 +30,19 @@ BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so tha
 @dataclass(frozen=True)
 class ImageSource:
     """Where the engine finds a Blender image's pixels: a file, the bytes packed into the .blend, or for OpenEXR, which only
-    Blender decodes, its `light` (H, W, 4) float32.
+    Blender decodes, its `light` (H, W, 4) float32, in the scene's linear light, and the shape of its pixels.
     """
 
     name: str
     path: str
     packed: bytes | None = None
     light: np.ndarray | None = None
+    pixel_aspect: float = 1.0
 
     def read(self) -> Photo:
         """Decodes the photo; needs no Blender, hence fit for a worker thread. Raises PhotoError."""
         if self.light is not None:
-            return photo_from_linear(self.light, self.path)
+            return photo_from_linear(self.light, self.path, self.pixel_aspect)
         if self.packed is None:
             return read_photo(self.path)
         with tempfile.TemporaryDirectory() as folder:
@@ -51,7 +55,7 @@ def photo_source(image: bpy.types.Image) -> ImageSource:
     """Copies what is needed to read the image later. Raises PhotoError when it has no pixels of its own."""
     path = bpy.path.abspath(image.filepath, library=image.library)
     if image.source == "FILE" and is_exr(image, path):
-        return ImageSource(image.name, path, light=_light(image))
+        return ImageSource(image.name, path, light=_light(image), pixel_aspect=_pixel_aspect(image, path))
     if image.packed_file:
         return ImageSource(image.name, path, bytes(image.packed_file.data))
     if image.source != "FILE" or not path:
@@ -66,18 +70,23 @@ def read_any_photo(path: str) -> Photo:
     before = set(bpy.data.images)
     image = bpy.data.images.load(path, check_existing=True)
     try:
-        return photo_from_linear(_light(image), path)
+        return photo_from_linear(_light(image), path, _pixel_aspect(image, path))
     except PhotoError:
         if image not in before:
             bpy.data.images.remove(image)
         raise
 
 
-def read_linear(path: str) -> Photo:
-    """The photo in an OpenEXR file, of which nothing stays in Blender. Main thread only. Raises PhotoError."""
+def read_linear(path: str, colorspace: str = "") -> Photo:
+    """The photo in an OpenEXR file, of which nothing stays in Blender. Main thread only. Raises PhotoError.
+
+    `colorspace`: the name of Blender's colour space that the file's values are in; empty: the one that Blender takes.
+    """
     image = bpy.data.images.load(path, check_existing=False)
     try:
-        return photo_from_linear(_light(image), path)
+        if colorspace and image.colorspace_settings.name != colorspace:
+            image.colorspace_settings.name = colorspace
+        return photo_from_linear(_light(image), path, _pixel_aspect(image, path))
     finally:
         bpy.data.images.remove(image)
 
@@ -94,6 +103,17 @@ def is_linear(path: str) -> bool:
 def is_exr(image: bpy.types.Image, path: str) -> bool:
     """Whether the first bytes are OpenEXR's. Asking Blender for the format would make it decode and keep the whole photo."""
     return bytes(image.packed_file.data).startswith(EXR_SIGNATURE) if image.packed_file else is_linear(path)
+
+
+def _pixel_aspect(image: bpy.types.Image, path: str) -> float:
+    """What the header of an OpenEXR image says of its pixels' shape; Blender reads past it."""
+    if image.packed_file:
+        return pixel_aspect(bytes(image.packed_file.data)[:HEADER_BYTES])
+    try:
+        with open(path, "rb") as file:
+            return pixel_aspect(file.read(HEADER_BYTES))
+    except OSError:
+        return 1.0
 
 
 def _light(image: bpy.types.Image) -> np.ndarray:

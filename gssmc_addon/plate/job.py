@@ -23,10 +23,10 @@ from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import mask as mask_source
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
-from ..support.session_ids import by_uid
 from ..support.texts import iface_, n_, rpt_
 from . import source as plate_source
 from .options import SequenceOptions
+from .targets import PlateTargets
 
 DOUBT = 0.25  # The weight of a frame whose verdict is "check".
 SHOWN_FRAMES = 12
@@ -58,22 +58,14 @@ class SequenceJob(RetryQueue):
         self.bad: dict[int, str] = {}
         self._started: dict[int, int | None] = {}  # The frame whose camera was the start of a frame's first try.
         self._sought = False  # Whether a frame was looked for in the whole scan.
-        self._uids = scene.session_uid, splat.session_uid, camera.session_uid
+        self.targets = PlateTargets.of(scene, splat, camera)
         self._mask = mask_source.of(camera)
         self._copy = camera_bridge.read_camera(scene, camera, splat)
         self._renderer = SplatRenderer(copying, settings.threads, keeps=options.find_start)
         self._finder = find_job.finder_of(scene, splat, self._renderer)
 
-    def find(self) -> tuple[bpy.types.Scene, bpy.types.Object, bpy.types.Object]:
-        """The live scene, splat and camera. Raises RefineError when something is gone."""
-        scene = by_uid(bpy.data.scenes, self._uids[0])
-        splat, camera = (by_uid(scene.objects, uid) if scene else None for uid in self._uids[1:])
-        if splat is None or camera is None:
-            raise RefineError(rpt_("The splat or the camera was removed while the plate was refined; nothing was changed."))
-        return scene, splat, camera
-
     def check(self) -> None:
-        self.find()
+        self.targets.find()
 
     def close(self) -> None:
         self._renderer.close()

@@ -75,12 +75,18 @@ def shared_range(scene: bpy.types.Scene) -> tuple[int, int]:
 
 def options_of(operator: bpy.types.Operator, scene: bpy.types.Scene) -> SequenceOptions:
     """The operator's options, with the frames that scene and plate share where none were set. Raises RefineError."""
-    low, high = shared_range(scene)
-    start = operator.start if operator.properties.is_property_set("start") else low
-    end = operator.end if operator.properties.is_property_set("end") else high
+    start, end = range_of(operator, scene)
     return SequenceOptions(
         start, end, operator.step, operator.smooth_frames, operator.every_frame, operator.key_lens, operator.find_start
     )
+
+
+def range_of(operator: bpy.types.Operator, scene: bpy.types.Scene) -> tuple[int, int]:
+    """The operator's first and last frame; those that scene and plate share where none were set. Raises RefineError."""
+    low, high = shared_range(scene)
+    start = operator.start if operator.properties.is_property_set("start") else low
+    end = operator.end if operator.properties.is_property_set("end") else high
+    return start, end
 
 
 def _camera_of(scene: bpy.types.Scene) -> bpy.types.Object:

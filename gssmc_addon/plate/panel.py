@@ -23,10 +23,16 @@ class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
             hint = iface_("Add a movie or an image sequence, go to a frame and bring the camera there.")
             panels.draw_text(layout, context, hint)
             return
-        layout.operator("gssmc.refine_sequence", text="Refine Plate...", icon="CAMERA_DATA")
+        column = layout.column(align=True)
+        column.operator("gssmc.track_plate", text="Track Every Frame...", icon="TRACKER")
+        column.operator("gssmc.refine_sequence", text="Refine Every Nth Frame...", icon="CAMERA_DATA")
         if camera.data.gssmc.bad_frames:
-            text = iface_("Bad frames: {frames}", frames=camera.data.gssmc.bad_frames)
-            panels.draw_text(layout.box(), context, text, icon="ERROR")
+            text = iface_("Weak or bad frames: {frames}", frames=camera.data.gssmc.bad_frames)
+            box = layout.box()
+            panels.draw_text(box, context, text, icon="ERROR")
+            row = box.row(align=True)
+            row.operator("gssmc.weak_frame", text="Previous", icon="TRIA_LEFT").step = -1
+            row.operator("gssmc.weak_frame", text="Next", icon="TRIA_RIGHT").step = 1
 
 
 def _moves(camera: bpy.types.Object) -> bool:

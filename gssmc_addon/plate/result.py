@@ -14,9 +14,9 @@ def write(job: SequenceJob) -> tuple[str, bool]:
 
     Raises GssmcError, with nothing written, when no frame is good or something was removed.
     """
-    scene, splat, camera = job.find()
+    scene, splat, camera = job.targets.find()
     cameras = job.path()
-    camera_keys.write(scene, camera, splat, cameras, job.options.key_lens)
+    camera_keys.write(scene, camera, splat, cameras, camera_keys.KeyOptions(job.options.key_lens))
     seconds = sum(report.seconds for report in job.reports.values())
     trusted = not job.bad and not job.doubtful
     solved = job.options.key_lens and job.settings.lens != "fixed"
@@ -25,6 +25,7 @@ def write(job: SequenceJob) -> tuple[str, bool]:
     solved_camera = SolvedCamera(first, verdict, tuple(job.reasons()), 0, seconds, state, job.median_depth, path=cameras)
     camera_solution.keep(scene, camera, splat, solved_camera)
     camera.data.gssmc.frames_done, camera.data.gssmc.bad_frames = job.items, frame_list(job.bad)
+    camera.data.gssmc.weak_frames = " ".join(map(str, sorted({*job.bad, *job.doubtful})))
     values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}
     message = rpt_('"{name}": {summary} {count} keys were set.', **values)
     if len(cameras) == 1:

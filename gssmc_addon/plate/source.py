@@ -40,12 +40,16 @@ class FrameSource:
 
 @dataclass(frozen=True)
 class MovingPhoto:
-    """A camera's plate: frame f of the scene shows frame f + `offset` of it, which exists from `first` to `last`."""
+    """A camera's plate: frame f of the scene shows frame f + `offset` of it, which exists from `first` to `last`.
+
+    `colorspace`: the name of Blender's colour space that the user says its values are in.
+    """
 
     plate: Plate
     offset: int
     first: int
     last: int
+    colorspace: str = ""
 
     @property
     def scene_range(self) -> tuple[int, int]:
@@ -54,14 +58,16 @@ class MovingPhoto:
 
     def frame_at(self, frame: int) -> FrameSource:
         """The frame of the scene's `frame`. Main thread only. Raises PhotoError when Blender has to decode it and can't."""
-        return frame_source(self.plate, frame + self.offset)
+        return frame_source(self.plate, frame + self.offset, self.colorspace)
 
 
-def frame_source(plate: Plate, number: int) -> FrameSource:
-    """The plate's frame. Main thread only. Raises PhotoError when it is OpenEXR and Blender can't decode it."""
+def frame_source(plate: Plate, number: int, colorspace: str = "") -> FrameSource:
+    """The plate's frame, `colorspace` as in MovingPhoto. Main thread only. Raises PhotoError when it is OpenEXR and Blender
+    can't decode it.
+    """
     if plate.is_movie or not photo_image.is_linear(str(plate.file(number))):
         return FrameSource(plate, number)
-    return FrameSource(plate, number, photo_image.read_linear(str(plate.file(number))))
+    return FrameSource(plate, number, photo_image.read_linear(str(plate.file(number)), colorspace))
 
 
 def moving_photo(camera: bpy.types.Object) -> MovingPhoto | None:
@@ -91,18 +97,20 @@ def no_plate(camera: bpy.types.Object) -> str:
 
 def _of_image(image: bpy.types.Image, user: bpy.types.ImageUser | None) -> MovingPhoto:
     plate, first, last = open_plate(bpy.path.abspath(image.filepath, library=image.library))
+    colorspace = image.colorspace_settings.name
     if user is None:
-        return MovingPhoto(plate, first - 1, first, last)
+        return MovingPhoto(plate, first - 1, first, last, colorspace)
     offset = user.frame_offset + 1 - user.frame_start
     low, high = user.frame_offset + 1, user.frame_offset + user.frame_duration
-    return MovingPhoto(plate, offset, max(first, low), min(last, high))
+    return MovingPhoto(plate, offset, max(first, low), min(last, high), colorspace)
 
 
 def _of_clip(clip: bpy.types.MovieClip) -> MovingPhoto:
     plate, first, last = open_plate(bpy.path.abspath(clip.filepath, library=clip.library))
     number = DIGITS.search(plate.path.stem)
     here = int(number.group()) if number and not plate.is_movie else 1
-    return MovingPhoto(plate, here - clip.frame_start + clip.frame_offset, first, last)
+    offset = here - clip.frame_start + clip.frame_offset
+    return MovingPhoto(plate, offset, first, last, clip.colorspace_settings.name)
 
 
 def source_at(scene: bpy.types.Scene, camera: bpy.types.Object, photo: bpy.types.Image) -> PhotoSource:

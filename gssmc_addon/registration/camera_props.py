@@ -151,6 +151,7 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
         "frames_done": IntProperty(name="Frames", description="Frames of the last refinement of a plate; 0: it was of a photo"),
         "seconds": FloatProperty(name="Seconds", description="How long the last refinement took"),
+        "weak_frames": StringProperty(name="Weak Frames", description="The numbers of all frames that are not held well"),
         "bad_frames": StringProperty(
             name="Bad Frames", description="Frames of a plate that could not be refined and have no key"
         ),

@@ -28,7 +28,7 @@ from .refine import mask_file, pick_wanted
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("locate", help="find the exact camera of one photo without a start")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
-    parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
+    parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP, AVIF, and those of docs/formats.md)")
     lens = f"the lens, where known (EXIF's, or a guess); {CAMERAS_HELP}"
     parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=lens)
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)

@@ -12,7 +12,7 @@ from ...batch.place import into_file, into_scene
 from ...batch.refine_one import read_masked_photo, refine_photo
 from ...cameras import camera_file, short
 from ...cameras.files import StartCamera
-from ...cameras.names import names_photo, record_of_photo
+from ...cameras.names import names_photo
 from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
@@ -42,7 +42,7 @@ STMAP_HELP = "an ST map that undistorts the photo; the camera is then that of th
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     parser = commands.add_parser("refine", help="find the exact camera of one photo from a rough start, or without one")
     parser.add_argument("scene", type=Path, help=SCENE_HELP)
-    parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP)")
+    parser.add_argument("photo", type=Path, help="the photograph (JPEG, PNG, TIFF, WebP, AVIF, and those of docs/formats.md)")
     start = "the start: rough pose, and lens where known; without it, or without a pose in it, the photo is searched for"
     parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=f"{start}; {CAMERAS_HELP}")
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
@@ -181,7 +181,7 @@ def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:
     found = camera_file(file)
     for note in found.notes:
         message(note)
-    record = record_of_photo(found.records, photo.name, file.name)
+    record = found.record_of(str(photo.absolute()), file.name)
     if record.file and not names_photo(record.file, photo.name):
         message(f"The one camera in '{file.name}' is that of '{short(record.file)}'; it is used for '{photo.name}'.")
     return record

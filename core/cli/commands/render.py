@@ -19,6 +19,7 @@ from ...geometry.camera import Camera
 from ...render import RenderedView, Renderer, RenderSettings
 from ...splats import read_splats
 from ...support.atomic import atomic_write
+from ...support.picture_names import stem_of
 from ...support.words import counted
 from ..console import message, say
 from ..dropped import say_dropped
@@ -65,17 +66,20 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _cameras(path: Path) -> list[Camera]:
-    """The cameras of a file of any layout; what is left out is said. Raises CameraError where one has no lens."""
+    """The cameras of a file of any layout; what is left out is said. Raises CameraError where none has a lens."""
     found = starts(path)
     for note in found.notes:
         message(note)
-    for position, start in enumerate(found.placed, 1):
-        if start.intrinsics is None and start.wide is None:
-            raise CameraError(f"Camera {position} of '{path.name}' has no lens of a known size; give width, height, fx and fy.")
+    without = [at for at, start in enumerate(found.placed, 1) if start.intrinsics is None and start.wide is None]
+    if without:
+        sentence = f"Camera {without[0]} of '{path.name}' has no lens of a known size; give width, height, fx and fy."
+        if len(without) == len(found.placed):
+            raise CameraError(sentence)
+        message(f"Left out: {len(without)} of {counted(len(found.placed), 'camera')}. {sentence}")
     wide = sum(start.wide is not None for start in found.placed)
     if wide:
         message(f"The middle of the view is drawn, as a pinhole, for {counted(wide, 'camera')} with a wider lens.")
-    return [start.known_camera() for start in found.placed]
+    return [start.known_camera() for start in found.placed if start.intrinsics is not None or start.wide is not None]
 
 
 def _check_paths(args: argparse.Namespace, cameras: Sequence[Camera], names: Sequence[str]) -> None:
@@ -92,7 +96,7 @@ def output_names(cameras: Sequence[Camera], fallback: str) -> list[str]:
     numbers: dict[str, int] = {}  # per stem, the last that was given; systems differ in whether A.png is a.png
     taken: set[str] = set()
     for camera in cameras:
-        stem = Path(camera.file.replace("\\", "/")).stem or fallback
+        stem = stem_of(camera.file) or fallback
         name = stem
         while name.casefold() in taken:
             numbers[stem] = numbers.get(stem, 1) + 1

@@ -67,11 +67,11 @@ def run(args: argparse.Namespace) -> Outcome:
     key = key_of(key, asdict(settings), asdict(track_settings), str(args.mask))
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         work = ShotWork(scene, renderer, settings, PlateFrames(plate, args.mask), flags if args.locate else None)
-        return _tracked(work, _Job(args, frames, starts, track_settings, key))
+        return _tracked(work, _ShotJob(args, frames, starts, track_settings, key))
 
 
 @dataclass(frozen=True)
-class _Job:
+class _ShotJob:
     """What is to be tracked: `frames` in order, camera files by frame, and the `key` of what the answer depends on."""
 
     args: argparse.Namespace
@@ -86,7 +86,7 @@ class _Job:
         return out.with_name(out.name + JOURNAL)
 
 
-def _tracked(work: ShotWork, job: _Job) -> Outcome:
+def _tracked(work: ShotWork, job: _ShotJob) -> Outcome:
     found = read_found(job.journal, job.key)
     if found.ties:
         message(f"{len(found.ties)} of {counted(len(job.frames), 'frame')} were found before and are kept.")
@@ -114,7 +114,7 @@ def _tracked(work: ShotWork, job: _Job) -> Outcome:
     return _end(work, job, track)
 
 
-def _end(work: ShotWork, job: _Job, track: Track) -> Outcome:
+def _end(work: ShotWork, job: _ShotJob, track: Track) -> Outcome:
     origin = [-value for value in work.scene.origin]
     cameras = tuple(frame.camera.relative_to(origin) for frame in track.frames)
     placed = replace(track, frames=tuple(replace(f, camera=c) for f, c in zip(track.frames, cameras, strict=True)))

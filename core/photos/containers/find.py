@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..exif import Exif
 from ..size import picture_size
-from . import heif, tiff
+from . import heif, raw, tiff
 from .encoded import EncodedPicture
 
 
@@ -14,6 +14,9 @@ def find_picture(data: bytes, exif: Exif, name: str) -> EncodedPicture:
         found = tiff.find_picture(data, name)
         if found is not None:
             return found
+    kind = raw.kind_of(data)
+    if kind:
+        return raw.find_picture(data, name, kind)
     if heif.is_avif(data) or heif.is_heic(data):
         facts = heif.read_facts(data)
         return EncodedPicture((data,), facts.size, facts.orientation)

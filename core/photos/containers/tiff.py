@@ -11,8 +11,8 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...errors import PhotoError
 from .. import jpeg
+from . import raw as developed
 from .encoded import EncodedPicture
 
 BYTE_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
@@ -54,8 +54,8 @@ def is_tiff(data: bytes) -> bool:
 
 
 def find_picture(data: bytes, name: str) -> EncodedPicture | None:
-    """The largest picture of a TIFF file; None where no directory tells of one. Raises PhotoError for a raw photo that holds no
-    picture of its full size; `name` is the file's.
+    """The largest picture of a TIFF file; None where no directory tells of one. A raw photo that holds no picture of its full
+    size is developed, or PhotoError is raised; `name` is the file's.
     """
     directories = list(_directories(data))
     found = [one for directory in directories if (one := _picture(data, directory)) is not None]
@@ -63,10 +63,8 @@ def find_picture(data: bytes, name: str) -> EncodedPicture | None:
     best = max(found, key=lambda one: one.pixels, default=None)
     if raw is not None and (best is None or best.pixels < SHARE_OF_RAW**2 * raw.pixels):
         preview = "only a small preview" if best else "no picture"
-        raise PhotoError(
-            f"'{name}' is a raw photo of {raw.size[0]} x {raw.size[1]} pixels that holds {preview} beside the sensor's values; "
-            "develop it to JPEG or TIFF."
-        )
+        size = f"{raw.size[0]} x {raw.size[1]} pixels"
+        return developed.find_picture(data, name, f"a raw photo of {size} that holds {preview} beside the sensor's values")
     if best is not None and best.orientation == 0:
         # Only the first directory tells it, for all of them.
         first = directories[0].one(ORIENTATION, 1)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SplatFormatError
+from ...support.quiet import quiet_opencv
 
 Bytes = NDArray[np.uint8]
 
@@ -56,7 +57,8 @@ class SogFiles:
         if size is None or not at_least <= size[0] * size[1] <= LARGEST_PICTURE:
             raise SplatFormatError(f"The picture '{name}' of the SOG scene is damaged or too small; export the scene again.")
         try:
-            raw: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+            with quiet_opencv():
+                raw: Any = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error:
             raw = None
         if raw is None or raw.dtype != np.uint8 or raw.shape[:2] != size[::-1]:

@@ -1,6 +1,7 @@
 """Add Photo: camera, background, lens and frame."""
 
 import json
+import struct
 
 import numpy as np
 import pytest
@@ -217,7 +218,7 @@ def test_a_photo_of_a_wide_lens_is_cut(bpy, extension, tmp_path, splat_file, cap
     assert focal_px(camera, *image.size) == pytest.approx(220, rel=1e-3) and camera.data.gssmc.k1 == 0
     assert camera.data.gssmc.lens_state == "CALIBRATED"
     source = extension("gssmc_addon.photo.image").photo_source(image).read()
-    cuts, lenses = extension("core.photos.cut"), extension("core.geometry.wide_lens")
+    cuts, lenses = extension("core.pictures.cut"), extension("core.geometry.wide_lens")
     size, lengths = (600, 400), (220.0, 220.0, 300.0, 200.0)
     lens = lenses.WideLens("OPENCV_FISHEYE", *size, *lengths, (("k1", 0.01),))
     true = cuts.central_photo(extension("core.photos.photo").read_photo(str(photo)), lens).photo
@@ -304,6 +305,42 @@ def test_an_exr_photo_is_read_by_blender_and_handed_to_the_engine(bpy, extension
     assert photo.pixels[35, 50, 0] > 200
     middle = (light[30, 30, 1] / np.quantile(light[..., :3].max(axis=2), 0.99)).item()
     assert photo.pixels[30, 30, 1] == pytest.approx(255 * (1.055 * middle ** (1 / 2.4) - 0.055), abs=1.5)
+
+
+def test_a_squeezed_exr_is_shown_with_the_pixels_that_its_header_says(bpy, extension, tmp_path):
+    light = np.full((40, 60, 4), 1, np.float32)
+    light[..., :3] = np.linspace(0.01, 4, 60).reshape(1, 60, 1)
+    path = write_exr(bpy, tmp_path / "squeezed.exr", light)
+    data = path.read_bytes()
+    said = data.index(b"pixelAspectRatio\0float\0") + len(b"pixelAspectRatio\0float\0") + 4
+    path.write_bytes(data[:said] + struct.pack("<f", 2.0) + data[said + 4 :])
+    assert bpy.ops.gssmc.add_photo(filepath=str(path), set_resolution=True) == {"FINISHED"}
+    scene = bpy.context.scene
+    render, camera = scene.render, scene.camera
+    assert (render.pixel_aspect_x, render.pixel_aspect_y) == (2.0, 1.0)
+    assert tuple(camera.data.background_images[0].image.display_aspect) == (2.0, 1.0)
+    bridge = extension("gssmc_addon.camera.bridge")
+    lens = bridge.photo_intrinsics(scene, camera.data, 60, 40)
+    assert lens.fy == pytest.approx(2 * lens.fx, rel=1e-5)
+    image = camera.data.background_images[0].image
+    assert extension("gssmc_addon.photo.image").photo_source(image).read().pixel_aspect == 2.0
+
+
+def test_an_exr_is_read_in_the_colour_space_that_the_user_says(bpy, extension, tmp_path):
+    light = np.full((40, 60, 4), 1, np.float32)
+    light[:20, :, :3], light[20:, :, :3] = (0.1, 0.5, 0.1), 0.5
+    for number in (1, 2):
+        path = write_exr(bpy, tmp_path / f"shot.{number:04d}.exr", light)
+    module = extension("gssmc_addon.photo.image")
+    as_written, aces = module.read_linear(str(path)), module.read_linear(str(path), "ACEScg")
+    # ACEScg's green is purer than sRGB's: the other two channels get darker.
+    assert aces.pixels[5, 5, 0] < as_written.pixels[5, 5, 0] - 10
+    image = bpy.data.images.load(str(tmp_path / "shot.0001.exr"))
+    image.source, image.colorspace_settings.name = "SEQUENCE", "ACEScg"
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.data.background_images.new().image = image
+    plate = extension("gssmc_addon.plate.source").moving_photo(camera)
+    np.testing.assert_array_equal(plate.frame_at(plate.scene_range[0]).read().pixels, aces.pixels)
 
 
 def test_a_black_exr_is_one_sentence_and_no_data(bpy, tmp_path):

@@ -88,10 +88,13 @@ def test_unreadable_photos_are_listed_with_the_reason(bpy, tmp_path):
 def test_what_a_folder_holds_beside_photos_is_named(bpy, tmp_path, capfd):
     for name in ("a.jpg", "b.png"):
         write_photo(tmp_path / name)
-    for name in ("notes.txt", "clip.mov", "c.cr3", ".hidden"):
+    for name in ("notes.txt", "clip.mov", "c.psd", ".hidden", "A.CR3", "b.dng"):
         (tmp_path / name).write_bytes(b"x")
     assert bpy.ops.gssmc.add_photo_folder(directory=str(tmp_path)) == {"FINISHED"}
-    assert "3 other files are no photos that can be read, and left out: c.cr3, clip.mov, notes.txt." in capfd.readouterr().out
+    assert "3 other files are no photos that can be read, and left out: c.psd, clip.mov, notes.txt." in (
+        said := capfd.readouterr().out
+    )
+    assert "2 raw photos were left out, because they are there as pictures too." in said
     write_photo(tmp_path / "d.jpg")
     assert bpy.ops.gssmc.add_photo_folder(directory=str(tmp_path)) == {"FINISHED"}
     said = capfd.readouterr().out

@@ -105,7 +105,8 @@ def test_a_plate_is_solved_frame_by_frame_and_its_keys_come_back(bpy, plate, ext
         focal = k.fx * (1 + 0.1 * frame * zoom)
         lens = engine.Intrinsics(k.width, k.height, focal, focal, k.cx, k.cy, k.dist)
         path[frame] = engine.Camera(lens, engine.Pose(pose.R, pose.t))
-    extension("gssmc_addon.camera.keys").write(scene, camera, splat, path, zoom)
+    keys = extension("gssmc_addon.camera.keys")
+    keys.write(scene, camera, splat, path, keys.KeyOptions(zoom))
     solution.keep(
         scene, camera, splat, record.SolvedCamera(path[1], "trusted", ("It sits.",), 3, 1.0, "SOLVED", 3.0, path=path)
     )
@@ -240,7 +241,8 @@ def test_a_plate_that_cannot_be_written_costs_no_key(bpy, plate, extension, what
     before, frame, background = state(camera), scene.frame_current, camera.data.background_images[0].image.display_aspect[:]
     cameras = {k + 1: truth for k, truth in enumerate(truths)}
     with pytest.raises(extension("core.errors").CameraError, match=word):
-        extension("gssmc_addon.camera.keys").write(scene, camera, scene.gssmc.splat, cameras, key_lens=True)
+        keys = extension("gssmc_addon.camera.keys")
+        keys.write(scene, camera, scene.gssmc.splat, cameras, keys.KeyOptions(lens=True))
     assert state(camera) == before
     assert scene.frame_current == frame
     assert camera.data.background_images[0].image.display_aspect[:] == background

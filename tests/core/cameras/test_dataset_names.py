@@ -84,6 +84,21 @@ def test_a_photo_takes_the_only_record_or_the_only_one_that_names_it():
     assert record_of_photo(exact, "a.jpg", "c.json").file == "a.jpg", "the same name goes before another suffix"
 
 
+def test_case_and_accents_go_before_other_spellings_and_folders_tell_equal_names_apart():
+    composed, apart = "caf\u00e9/IMG_1.jpg", "cafe\u0301/IMG_1.JPG"
+    others = [record("x/IMG-1.jpg"), record("tea/IMG_1.JPG")]
+    assert record_of_photo([*others, record(apart)], f"C:\\scan\\{composed}", "c.json").file == apart
+    assert record_of_photo([*others, record("IMG_1.CR3")], "/scan/tea/img_1.jpg", "c.json").file == "tea/IMG_1.JPG"
+    raw = [record("a.jpg"), record("IMG_2.CR3")]
+    assert record_of_photo(raw, "IMG_2.jpg", "c.json").file == "IMG_2.CR3"
+    assert match(["IMG_2.avif"], ["D:\\scan\\IMG_2.DNG"]) == [0]
+
+
+def test_a_record_that_others_of_its_file_left_alone_is_no_photos_only_one():
+    with pytest.raises(CameraError, match=r"holds 1 camera, 0 of them for 'a.jpg'"):
+        record_of_photo([record("b.jpg")], "a.jpg", "c.json", alone=False)
+
+
 @pytest.mark.parametrize("files", [("left/a.jpg", "right/a.jpg"), ("a.png", "a.tif"), ("b.jpg", "c.jpg"), ("", "")])
 def test_a_photo_named_by_none_or_by_several_is_refused(files):
     with pytest.raises(CameraError, match=r"'c.json' holds 2 cameras, [02] of them for 'a.jpg'"):

@@ -8,7 +8,7 @@ import pytest
 
 from core.cameras import detect, read
 from core.errors import DatasetError
-from core.locate.known_cameras import cameras_beside
+from core.locate.known_cameras import cameras_beside, read_known
 from core.synthetic import sample_cameras
 
 CAMERAS = sample_cameras(3)
@@ -103,7 +103,26 @@ def test_other_json_beside_a_scan_is_no_cameras_and_damaged_cameras_are_said(tmp
     write(tmp_path / "cameras.json", {"frames": []})
     assert cameras_beside(tmp_path / "splat.ply") is None
     damaged = records()
-    del damaged[0]["position"]
+    for record in damaged:
+        record["position"] = None
     write(tmp_path / "cameras.json", damaged)
     assert cameras_beside(tmp_path / "splat.ply") is None
     assert "cannot be used" in caplog.text
+
+
+def test_one_bad_known_camera_leaves_the_others_usable(tmp_path, caplog):
+    record = {
+        "img_name": "a",
+        "width": 64,
+        "height": 48,
+        "position": [0, 0, 0],
+        "rotation": np.eye(3).tolist(),
+        "fx": 50,
+        "fy": 50,
+    }
+    (tmp_path / "cameras.json").write_text(json.dumps([record, {**record, "img_name": "b", "position": None}]))
+    assert [camera.file for camera in read_known(tmp_path / "cameras.json")] == ["a"]
+    assert "1 camera of 'cameras.json' cannot be used and left out: Camera 2 of 'cameras.json'" in caplog.text
+    ours = {"file": "a", "R": np.eye(3).tolist(), "t": [0, 0, 1]}
+    (tmp_path / "ours.json").write_text(json.dumps([{**ours, "R": 3}, ours]))
+    assert len(read_known(tmp_path / "ours.json")) == 1 and "Camera 1 of 'ours.json'" in caplog.text

@@ -84,7 +84,7 @@ def ns_export(tmp_path):
 
 FILES = {
     "metashape": (metashape, "a.jpg", Intrinsics(640, 480, 500, 500, 321.5, 237.5, (0.1, -0.05, -0.001, 0.002, 0.01))),
-    "realitycapture": (realitycapture, "a.jpg", Intrinsics(640, 480, 500, 500, 326.4, 227.2, (0.1, -0.05, 0.001, 0.002, 0.01))),
+    "realitycapture": (realitycapture, "a.jpg", Intrinsics(640, 480, 500, 500, 326.4, 227.2, (0.1, -0.05, 0.002, 0.001, 0.01))),
     "bundler": (bundler, "images/a.jpg", Intrinsics(640, 480, 500, 500, 320, 240, (0.1, -0.05, 0, 0, 0))),
     "nvm": (nvm, "images/my photo.jpg", None),
     "meshroom": (meshroom, "a.jpg", Intrinsics(640, 480, 500, 500, 321.5, 237.5, (0.1, -0.05, 0, 0, 0.01))),
@@ -111,6 +111,14 @@ def test_the_camera_is_where_it_was_put_and_has_its_lens(tmp_path, layout):
             assert getattr(got, key) == pytest.approx(getattr(lens, key), abs=1e-9), key
 
 
+def test_realityscans_table_of_today_reads_as_the_older_one(tmp_path):
+    old = realitycapture(tmp_path).read_text()
+    header = "#name,x,y,alt,yaw,pitch,roll,f_35mm,px_norm,py_norm,k1,k2,k3,k4,t1,t2"
+    new = put(tmp_path / "today.csv", header + "\n" + old.split("\n")[1] + "\n")
+    cameras = [datasets.starts(path).placed[0].camera(GUESS) for path in (tmp_path / "cameras.csv", new)]
+    assert datasets.detect(new) == "realitycapture" and cameras[0] == cameras[1]
+
+
 def test_visualsfms_distortion_goes_the_other_way_round(tmp_path):
     lens = datasets.starts(nvm(tmp_path)).placed[0].camera(GUESS).intrinsics
     bent = np.array([[0.3, -0.2], [0.5, 0.35]])
@@ -133,12 +141,39 @@ def test_lenses_of_other_kinds_are_used_or_named(tmp_path):
 
 
 BAD = {
-    "polycam": (
-        lambda p: put(p / "f.json", '{"t_00": 1, "t_23": 0}'),
-        "is a single frame of Polycam, which is not read; process",
-    ),
     "alembic": (lambda p: put(p / "f.abc", b"Ogawa\xff\0"), "is an Alembic file, which is not read; import it in Blender"),
-    "fspy": (lambda p: put(p / "f.fspy", b"fspy\1\0\0\0"), "is an fSpy project"),
+    "metashape, project": (
+        lambda p: put(p / "a.psx", '<document version="1.2.0" path="{projectname}.files/project.zip"/>'),
+        "is a Metashape project, which is not read; export its cameras as XML",
+    ),
+    "realitycapture, project": (
+        lambda p: put(p / "a.rcproj", b"\1\2\3"),
+        "is a RealityCapture project, which is not read; export internal and external parameters as CSV, or XMP files",
+    ),
+    "zephyr, project": (lambda p: put(p / "a.ZEP", b"PK\3\4"), "is a 3DF Zephyr project, which is not read; export"),
+    "blocksexchange": (
+        lambda p: put(p / "a.xml", "<?xml version='1.0'?>\n<BlocksExchange><Block/></BlocksExchange>"),
+        "is a BlocksExchange file, which is not read; export the cameras as Metashape's XML, Bundler or COLMAP",
+    ),
+    "another xml": (
+        lambda p: put(p / "a.kml", "<?xml version='1.0'?><kml/>"),
+        "of a kind that is not known, which is not read",
+    ),
+    "a scan": (
+        lambda p: put(p / "a.ply", b"ply\nformat ascii 1.0\n"),
+        "is a scan or a mesh, which is not read; give a file of",
+    ),
+    "a photo": (lambda p: put(p / "a.JPG", b"\xff\xd8\xff"), "is a picture, which is not read; give a file of cameras"),
+    "an archive": (lambda p: put(p / "a.zip", b"PK\3\4"), "is an archive, which is not read; unpack it"),
+    "colmap, cameras": (
+        lambda p: put(p / "cameras.txt", "# Camera list with one line of data per camera:\n1 PINHOLE 64 48 60 60 32 24\n"),
+        "is one file of a COLMAP model, which is not read; give the model's folder",
+    ),
+    "colmap, points": (
+        lambda p: put(p / "points3D.bin", b"\0\1"),
+        "is one file of a COLMAP model, which is not read; give the",
+    ),
+    "a table": (lambda p: put(p / "a.csv", "name;x;y\n"), "is in no layout of cameras that is known; a pose list has lines of"),
     "metashape, no matrix": (lambda p: metashape(p, camera="1 2 3"), "The camera 'a.jpg' .* transform that is not 16 numbers"),
     "metashape, no xml": (lambda p: put(p / "a.xml", "<document><chunk>"), "no valid XML"),
     "metashape, entities": (

@@ -9,8 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from core.batch.keys import Refused
 from core.batch.queries import find_queries
 from core.cameras import colmap, nerfstudio
+from core.cameras.files import camera_to_dict
 from core.cli.commands.refine import pick_wanted
 from core.cli.commands.render import _cameras
 from core.errors import CameraError
@@ -76,3 +78,46 @@ def test_what_is_left_out_is_said(tmp_path, capsys):
     file.write_text(json.dumps({"camera_model": "MEI", "w": 64, "h": 48, "fl_x": 20, "frames": [frame]}))
     with pytest.raises(CameraError, match=r"Camera 1 of 'transforms.json' has no lens of a known size"):
         _cameras(file)
+
+
+GOOD = camera_to_dict(CAMERAS[1])
+BAD = {
+    "no lens": {"file": "0.png", "R": np.eye(3).tolist(), "t": [0, 0, 2], "width": 64},
+    "no pose": {**GOOD, "file": "0.png", "t": [float("-inf"), 0, 0]},
+    "no object": 7,
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_one_bad_camera_leaves_the_others_usable(tmp_path, capsys, case):
+    file = tmp_path / "cameras.json"
+    file.write_text(json.dumps({"frames": [BAD[case], GOOD, camera_to_dict(CAMERAS[2])]}))
+    words = "1 camera of 'cameras.json' cannot be used and left out: Camera 1 of 'cameras.json'"
+    assert [camera.file for camera in _cameras(file)] == ["1.png", "2.png"]
+    assert words in capsys.readouterr().err
+    assert pick_wanted(file, tmp_path / "1.png").file == "1.png"
+    assert words in capsys.readouterr().err
+    file.write_text(json.dumps({"frames": [BAD[case], GOOD]}))
+    with pytest.raises(CameraError, match=r"1 camera, 0 of them for '0.png'.* Camera 1 of"):
+        pick_wanted(file, tmp_path / "0.png")
+    file.write_text(json.dumps({"frames": [BAD[case]]}))
+    with pytest.raises(CameraError, match="Camera 1 of"):
+        _cameras(file)
+
+
+def test_render_leaves_out_a_camera_without_a_lens(tmp_path, capsys):
+    file = tmp_path / "cameras.json"
+    pose = {"file": "0.png", "R": np.eye(3).tolist(), "t": [0, 0, 2]}
+    file.write_text(json.dumps({"frames": [pose, GOOD]}))
+    assert [camera.file for camera in _cameras(file)] == ["1.png"]
+    assert "Left out: 1 of 2 cameras. Camera 1 of 'cameras.json' has no lens" in capsys.readouterr().err
+
+
+def test_batch_refuses_one_photo_whose_lens_is_none(tmp_path):
+    """A lens in shares of the photo's size that no photo of this size can have."""
+    row = "1,2,3,0,0,0"
+    (tmp_path / "cameras.csv").write_text(f"#name,x,y,alt,heading,pitch,roll,f\n0.png,{row},0\n1.png,{row},28\n")
+    for camera in CAMERAS[:2]:
+        cv2.imwrite(str(tmp_path / camera.file), np.zeros((48, 64, 3), np.uint8))
+    found = find_queries(Namespace(queries=tmp_path / "cameras.csv", start=None, focal=None, locate=False, poses=None))
+    assert isinstance(found.cameras[0], Refused) and found.cameras[1].intrinsics.fx == pytest.approx(28 / 36 * 64)

@@ -200,7 +200,7 @@ CASES = {
     "text": (b"no picture at all", "cannot be decoded"),
     "cut jpeg": (GOOD_JPG[: len(GOOD_JPG) // 2], "cut off"),
     "jpeg header alone": (GOOD_JPG[:20], ""),
-    "png header alone": (encoded(".png")[:40], "cannot be decoded"),
+    "png header alone": (encoded(".png")[:40], "is cut off: the PNG has no end"),
     "float": (cv2.imencode(".tif", RGB.astype(np.float32))[1].tobytes(), "float32"),
     "transparent": (encoded(".png", np.dstack([RGB, np.zeros((6, 9), np.uint8)])), "fully transparent"),
 }

@@ -36,6 +36,12 @@ def test_a_folder_holds_masks_by_the_photos_name(tmp_path, name):
     assert find_mask(tmp_path, tmp_path / "c.jpg") is None
 
 
+def test_a_mask_is_found_in_other_spellings(tmp_path):
+    for spelt, name in (("A.JPG.PNG", "a.jpg"), ("cafe\u0301.PNG", "caf\u00e9.cr3")):
+        found = mask_file(tmp_path / "m.png").rename(tmp_path / spelt)
+        assert find_mask(tmp_path, tmp_path / "elsewhere" / name) == found
+
+
 def test_a_photo_is_not_its_own_mask(tmp_path):
     picture = mask_file(tmp_path / "a.jpg")
     assert find_mask(tmp_path, picture) is None

@@ -54,3 +54,14 @@ def test_a_photo_is_found_however_its_name_is_spelt(project, name, file, model):
 def test_a_folder_of_photos_that_was_given_is_the_only_place(project):
     assert PhotoFinder(project / "transforms.json", project / "model").find("0003.jpg") is None
     assert PhotoFinder(project / "transforms.json", project / "images" / "sub").find("a/0004.jpg").name == "0004.PNG"
+
+
+def test_folders_are_found_however_they_are_spelt_and_a_unique_name_below_them(tmp_path):
+    for name in ("images/Caf\u00e9/1.jpg", "images/1.jpg", "images/a/b/IMG_7.CR3", "images/a/8.jpg", "images/b/8.jpg"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"")
+    finder = PhotoFinder(tmp_path / "cameras.json")
+    assert finder.find("cafe\u0301\\1.JPG") == tmp_path / "images/Caf\u00e9/1.jpg"
+    assert finder.find("E:\\card\\img_7.jpg") == tmp_path / "images/a/b/IMG_7.CR3"
+    assert finder.find("8.jpg") is None, "it could be either"
+    assert finder.find("B/8.jpg") == tmp_path / "images/b/8.jpg"

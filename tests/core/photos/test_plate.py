@@ -1,5 +1,8 @@
 """Frames of numbered files and movies."""
 
+import base64
+import zlib
+
 import cv2
 import numpy as np
 import pytest
@@ -56,3 +59,33 @@ def test_what_is_no_plate_is_refused_in_a_sentence(tmp_path):
     (tmp_path / "broken.mp4").write_bytes(b"\0" * 200)
     with pytest.raises(PhotoError, match="cannot be opened"):
         Plate(tmp_path / "broken.mp4", True).read(1)
+
+
+# Five frames of 512 x 384 pixels in one colour each, coded as AV1 by Blender 5.2; zlib and base64.
+AV1 = zlib.decompress(
+    base64.b64decode(
+        "eNpjYGBQSCupLMgszs9lYGBiANGJZQaGQNoot8DEkIGBgSOtKDUVKFeTm5JYwsUHFOFx//cvt6aDg4NDwShdhMGyCyg2gUGBQZRhSZ3W2cpSgdjp11a6yAlV"
+        "Pa7yklbNQRZ27Ve5q6JnxDKp6CAO1Sii8i8XXI+VnydV3WCUrchUoMDAIPdEA+gWB6BtDCIMak2sFwKWMuksXPixYklNfbO9wxRp7KLiW7xED2zIX9tdELVl"
+        "q4zAi9BHZvLsQZnHXmBVbZSjyVjgwMAQuIPzAchrIgwMok36JbnmqdwFNvU3t6VMUopQftvl6NRAmjB2UaMcI8aHDAwOiwuA9jAqMAA9KFqnsej/S3Nuq5Bm"
+        "q0e2feUrrDQFhBYUkCaMXVSKcYVRrRGzEssBBpiFGQwM0rOOq7BxKa77UfS5qmSGuUp00b+Z/85F/Hb9kJ9xA6+kyB3nqnj2DW1XuY9N9RL8KW3WGn+n/gA+"
+        "HUbA+GfgmAG3XoCBge1i++dnZ4ousF2szrNf6vmT5eL6hr0OFxv9rA+Un2VgYE7Ozc8vA6aynNyyjBQGFMD8AmjIFwZGBhBCAEZUVeh8Bwa8gAmIkkqKErOB"
+        "7JiSbLCdzJimAe1lwG8PNnuZQMINYK5KakpJMZCWSc0pLkHogJoL1st4KzclMxHIUMhNQfc7MKUA02boETBHNyMlpwgmU5aZkoqsMgzIz/dIzEvJSQWpYWzN"
+        "zcxLA+kuywUbiuxMlRSInExKUWoakjd4SotyFKAOdC0uScoBsncWlxSnIKlZCSo8cAQF0ONAb3sAGR64VGAAif//QS5JLDN0bmTkYUAvfoA84eT8nKK85JwK"
+        "oGmMEBMFChKLC6DGg7AIMCqhoasOi3iJ4hJwyMOcwcrAwAJiiwA9hCwOwjJAsWQ0MVYorQGUq0JyMEi8EijlCU0x9UBsADE3OR/JDJBYb2lKCShmW3NTwTQI"
+        "KCLHIjDmixILCnKQQyQiE5JUtFemJAItYlAGlsqJsLA0MjAy0zc01DcyVzA0tzI0sTIwA4qqrizJB9kti6zUJ7EszcxIzxCIDAwAO0pjtw=="
+    )
+)
+
+
+def test_a_movie_that_opencv_opens_but_cannot_decode_is_named(tmp_path):
+    file = tmp_path / "plate.mp4"
+    file.write_bytes(AV1)
+    plate, first, last = open_plate(file)
+    assert (first, last) == (1, 5)
+    if cv2.VideoCapture(str(file)).read()[0]:
+        assert plate.read(1).pixels.shape == (384, 512, 3)
+        return
+    with pytest.raises(PhotoError, match=r"'plate.mp4' is coded as AV1, which cannot be decoded here; convert it to H.264"):
+        plate.read(1)
+    with pytest.raises(PhotoError, match="has no frame 6"):
+        plate.read(6)

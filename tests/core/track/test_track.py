@@ -11,7 +11,7 @@ from core.errors import PhotoError, RefineError
 from core.geometry.camera import Camera, pose_error
 from core.geometry.lie import se3_exp
 from core.photos.photo import Photo
-from core.track import Found, Shot, TrackSettings, iterate_track
+from core.track import PartialTrack, Shot, TrackSettings, iterate_track
 from core.track.journal import read_found, write_found
 
 COUNT = 9
@@ -157,7 +157,7 @@ def test_a_start_that_sits_nowhere_is_one_sentence(room, photos):
 
 
 def test_an_interrupted_track_goes_on_to_the_same_end(room, photos, track, tmp_path):
-    found = Found()
+    found = PartialTrack()
     shot = Shot(photos.get, list(FRAMES))
     steps = iterate_track(room, shot, {FRAMES[4]: Camera(LENS, true_pose(FRAMES[4]))}, SETTINGS, found)
     for _ in range(5):

@@ -14,7 +14,7 @@ from ..geometry.camera import FloatArray
 from ..geometry.conventions import pixel_centres, to_opencv_pixels
 from ..geometry.pinhole_cut import PinholeCut, central_cut
 from ..geometry.wide_lens import WideLens
-from .photo import Photo
+from ..photos.photo import Photo
 
 # So many rows are mapped at a time, because the map of a whole photo would take several times its memory.
 ROWS = 256

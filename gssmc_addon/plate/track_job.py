@@ -1,0 +1,140 @@
+"""A moving plate tracked: every frame, from the one that is shown."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import bpy
+
+from ...core.errors import PhotoError, RefineError
+from ...core.geometry.camera import Camera, Pose
+from ...core.locate import FindProgress
+from ...core.photos.photo import Photo
+from ...core.pose.report import RefineProgress, RefineReport
+from ...core.pose.settings import RefineSettings
+from ...core.track import PartialTrack, Shot, Track, TrackProgress, TrackSettings, iterate_track, track_of
+from ..camera import bridge as camera_bridge
+from ..find import job as find_job
+from ..jobs.machine import Job
+from ..jobs.worker import RefineInputs
+from ..photo import image as photo_image
+from ..photo import mask as mask_source
+from ..photo.source import PhotoSource
+from ..splat.copy import SplatCopying
+from ..splat.renderer import SplatRenderer
+from ..support.texts import iface_, n_, rpt_
+from . import source as plate_source
+from .targets import PlateTargets
+
+START_SHARE = 0.1  # of the progress, when the first frame is solved
+JOIN_S = 1.0
+
+
+@dataclass(frozen=True)
+class TrackOptions:
+    """Frames of the scene from `start` to `end`."""
+
+    start: int
+    end: int
+    settings: TrackSettings
+
+
+class TrackJob(Job):
+    """Solves the camera of the shown frame, in the whole scan where it is not found from where it stands, then tracks all
+    frames from there. Its result is the Track.
+    """
+
+    status = n_("Tracking the plate    Esc: stop and keep what was tracked")
+
+    def __init__(
+        self, scene: bpy.types.Scene, camera: bpy.types.Object, options: TrackOptions, settings: RefineSettings
+    ) -> None:
+        self._plate, self.frame = _plate_of(camera), scene.frame_current
+        if not options.start <= self.frame <= options.end:
+            values = {"frame": self.frame, "start": options.start, "end": options.end}
+            raise RefineError(
+                rpt_("Tracking begins at the frame that is shown, {frame}; go to one from {start} to {end}.", **values)
+            )
+        splat = scene.gssmc.splat
+        copying = SplatCopying(splat)
+        super().__init__(self._steps, copying)
+        self.options, self._settings, self._mask = options, settings, mask_source.of(camera)
+        self.targets = PlateTargets.of(scene, splat, camera)
+        self._renderer = SplatRenderer(copying, settings.threads, keeps=True)
+        self._finder = find_job.finder_of(scene, splat, self._renderer)
+        copy = camera_bridge.read_camera(scene, camera, splat)
+        self._inputs = RefineInputs(self._renderer, self._source(self.frame), copy, settings)
+        self.found = PartialTrack()
+        self.reports: dict[int, RefineReport] = {}
+        self._start: Camera | None = None
+        self._told, self._began = find_job.Told(self._finder), time.perf_counter()
+
+    def check(self) -> None:
+        self.targets.find()
+
+    def close(self) -> None:
+        self._renderer.close()
+
+    def on_progress(self, news: RefineProgress | FindProgress | TrackProgress) -> None:
+        if isinstance(news, TrackProgress):
+            self.fraction = START_SHARE + (1 - START_SHARE) * news.fraction
+            seconds = time.perf_counter() - self._began
+            rate = len(self.found.ties) / max(seconds, 1e-6)
+            self.step = iface_("Frame {frame}", frame=news.frame)
+            self.detail = iface_("{count} tracked, {rate:.1f} a second", count=len(self.found.ties), rate=rate)
+        elif isinstance(news, RefineProgress):
+            self.fraction, self.step = START_SHARE * news.fraction, news.step[:1].upper() + news.step[1:]
+            self.detail = iface_("The shown frame first")
+        else:
+            fraction, self.step, self.detail = self._told(news)
+            self.fraction = START_SHARE * fraction
+
+    def kept(self) -> Track | None:
+        """What was tracked when the user stopped, None where that is too little to key. Waits a moment for the thread."""
+        if self._start is None or not self.join(JOIN_S) or len(self.found.ties) < 2:
+            return None
+        low, high = min(self.found.ties), max(self.found.ties)
+        shot = Shot(self._read, range(low, high + 1))
+        return track_of(shot, self._start, self.options.settings, self.found, time.perf_counter() - self._began)
+
+    def _source(self, frame: int) -> PhotoSource:
+        return mask_source.masked(plate_source.FrameSource(self._plate.plate, frame + self._plate.offset), self._mask)
+
+    def _read(self, frame: int) -> Photo:
+        photo: Photo = self._source(frame).read()
+        return photo
+
+    def _steps(self) -> Generator[object, None, Track]:
+        """The whole work, in the thread. Raises RefineError where the shown frame was not found."""
+        report: RefineReport = yield from self._finder.found_if_failed(self._inputs)
+        self.reports[self.frame] = report
+        if report.verdict == "failed":
+            raise RefineError(report.reasons[0])
+        self._began = time.perf_counter()
+        # A lens that was guessed is solved for once more, from all frames.
+        self._start = replace(report.camera, focal_guessed=report.start.focal_guessed and self._settings.lens != "fixed")
+        frames = range(self.options.start, self.options.end + 1)
+        shot = Shot(self._read, frames, self._recovered)
+        renderer = self._renderer.get()
+        return (yield from iterate_track(renderer, shot, {self.frame: self._start}, self.options.settings, self.found))
+
+    def _recovered(self, photo: Photo, last: Pose) -> Pose | None:
+        """A frame behind a gap, refined from the last known camera."""
+        from ...core.pose.refine import refine
+
+        assert self._start is not None, "the first frame is solved before any other"
+        camera = replace(self._start, pose=last, focal_guessed=False)
+        report = refine(self._renderer.get(), photo, camera, self._settings)
+        return None if report.verdict == "failed" else report.camera.pose
+
+
+def _plate_of(camera: bpy.types.Object) -> plate_source.MovingPhoto:
+    """The camera's plate. Raises PhotoError where it has none, or one whose frames Blender alone can read."""
+    plate = plate_source.moving_photo(camera)
+    if plate is None:
+        raise PhotoError(plate_source.no_plate(camera))
+    if not plate.plate.is_movie and photo_image.is_linear(str(plate.plate.path)):
+        raise PhotoError(rpt_("OpenEXR frames cannot be tracked; save them with 8 or 16 bits, or use Refine Plate."))
+    return plate

@@ -1,0 +1,99 @@
+"""Track Plate: the camera of every frame of a moving plate, as keyframes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, FloatProperty, IntProperty
+
+from ..core.errors import GssmcError
+from ..core.track import TrackSettings
+from ..gssmc_addon.camera import channels as camera_channels
+from ..gssmc_addon.jobs.operator import AskingJobOperator
+from ..gssmc_addon.plate import options as plate_options
+from ..gssmc_addon.plate import track_result
+from ..gssmc_addon.plate.track_job import TrackJob, TrackOptions
+from ..gssmc_addon.registration import settings as settings_props
+from ..gssmc_addon.splat import object as splat_object
+from ..gssmc_addon.support import problem
+
+
+class GSSMC_OT_track_plate(AskingJobOperator, bpy.types.Operator):
+    """Find the camera of every frame of a movie or image sequence, beginning at the frame that is shown"""
+
+    bl_idname = "gssmc.track_plate"
+    bl_label = "Track Plate"
+    bl_options = {"UNDO"}
+
+    __annotations__ = {
+        "start": IntProperty(
+            name="Start", description="First frame of the scene; by default the first that plate and scene share"
+        ),
+        "end": IntProperty(name="End", description="Last frame of the scene; by default the last that plate and scene share"),
+        "rolling_shutter": BoolProperty(
+            name="Rolling Shutter",
+            description="Solve for the time that the camera takes to read a frame out, from the first row to the last",
+            default=False,
+        ),
+        "smooth_frames": FloatProperty(
+            name="Smooth (frames)",
+            description="Removes shaking of the path that is shorter than this many frames; 0: none, the camera as it was",
+            default=0,
+            min=0,
+        ),
+        **settings_props.settings_annotations(),
+        **settings_props.model_annotations(),
+    }
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        lack = plate_options.lack(context.scene)
+        if lack:
+            cls.poll_message_set(lack)
+            return False
+        return super().poll(context)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        try:
+            self.asked, shared = True, plate_options.shared_range(context.scene)
+        except GssmcError as error:
+            return self.refuse(context, str(error))
+        for name, frame in zip(("start", "end"), shared, strict=True):
+            if not self.properties.is_property_set(name):
+                setattr(self, name, frame)
+        return context.window_manager.invoke_props_dialog(self, confirm_text="Track Plate")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.use_property_split = True
+        column = self.layout.column(align=True)
+        for name in ("start", "end"):
+            column.prop(self, name)
+        column = self.layout.column()
+        for name in ("rolling_shutter", "smooth_frames"):
+            column.prop(self, name)
+
+    def make_job(self, context: bpy.types.Context) -> TrackJob:
+        context.view_layer.update()  # Scripts set locations and expect them to be used.
+        scene = context.scene
+        splat_object.picked(scene, scene.gssmc.splat)
+        frames = plate_options.range_of(self, scene)
+        camera_channels.check_writable(scene.camera)
+        settings = settings_props.settings_from(scene.gssmc, self.properties)
+        track = TrackSettings(settings.long_side_px, settings.lens != "fixed", self.rolling_shutter, self.smooth_frames)
+        job = TrackJob(scene, scene.camera, TrackOptions(*frames, track), settings)
+        problem.begin(self.bl_label, job.reports)
+        return job
+
+    def apply(self, context: bpy.types.Context, job: TrackJob, result: Any) -> set[str]:
+        message, trusted = track_result.write(job, result)
+        return self.done(context, message, "INFO" if trusted else "WARNING")
+
+    def stopped(self, context: bpy.types.Context, job: TrackJob) -> set[str]:
+        track = job.kept()
+        if track is None:
+            return super().stopped(context, job)
+        return self.apply(context, job, track)
+
+
+classes = (GSSMC_OT_track_plate,)
