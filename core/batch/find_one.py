@@ -13,7 +13,7 @@ from ..geometry.wide_lens import WideLens
 from ..locate import FindReport, Hypothesis, PhotoLens
 from ..photos.fit import fit_lens, fit_wide
 from ..photos.photo import Photo
-from ..pictures.cut import central_photo
+from ..photos.wide.cut import central_photo
 from ..pose.report import RefineReport
 from ..pose.report_json import failed_to_dict, pose_to_dict, report_to_dict
 from .refine_wide import cut_sentence

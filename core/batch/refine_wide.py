@@ -10,7 +10,7 @@ from ..geometry.pinhole_cut import PinholeCut, WideCamera, cuts_of
 from ..geometry.wide_lens import WideLens
 from ..photos.fit import fit_wide_camera
 from ..photos.photo import Photo
-from ..pictures.cut import CutPhoto, central_photo, cut_photo, lens_of_pixels
+from ..photos.wide.cut import CutPhoto, central_photo, cut_photo, lens_of_pixels
 from ..pose.refine import refine
 from ..pose.report import IterationRecord, RefineProgress, RefineReport
 from ..pose.rig import Face, face_of, join_faces

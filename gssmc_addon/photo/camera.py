@@ -17,7 +17,7 @@ from ...core.photos.fit import fit_camera as fit_to_photo
 from ...core.photos.fit import fit_lens, fit_wide, fit_wide_camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo
-from ...core.pictures.cut import central_photo
+from ...core.photos.wide.cut import central_photo
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame

@@ -218,7 +218,7 @@ def test_a_photo_of_a_wide_lens_is_cut(bpy, extension, tmp_path, splat_file, cap
     assert focal_px(camera, *image.size) == pytest.approx(220, rel=1e-3) and camera.data.gssmc.k1 == 0
     assert camera.data.gssmc.lens_state == "CALIBRATED"
     source = extension("gssmc_addon.photo.image").photo_source(image).read()
-    cuts, lenses = extension("core.pictures.cut"), extension("core.geometry.wide_lens")
+    cuts, lenses = extension("core.photos.wide.cut"), extension("core.geometry.wide_lens")
     size, lengths = (600, 400), (220.0, 220.0, 300.0, 200.0)
     lens = lenses.WideLens("OPENCV_FISHEYE", *size, *lengths, (("k1", 0.01),))
     true = cuts.central_photo(extension("core.photos.photo").read_photo(str(photo)), lens).photo

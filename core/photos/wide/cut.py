@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import PhotoError
-from ..geometry.camera import FloatArray
-from ..geometry.conventions import pixel_centres, to_opencv_pixels
-from ..geometry.pinhole_cut import PinholeCut, central_cut
-from ..geometry.wide_lens import WideLens
-from ..photos.photo import Photo
+from ...errors import PhotoError
+from ...geometry.camera import FloatArray
+from ...geometry.conventions import pixel_centres, to_opencv_pixels
+from ...geometry.pinhole_cut import PinholeCut, central_cut
+from ...geometry.wide_lens import WideLens
+from ..photo import Photo
 
 # So many rows are mapped at a time, because the map of a whole photo would take several times its memory.
 ROWS = 256

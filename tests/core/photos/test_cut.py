@@ -14,7 +14,7 @@ from core.geometry.lie import so3_exp
 from core.geometry.pinhole_cut import WideCamera, central_cut, cuts_of
 from core.geometry.wide_lens import WideLens
 from core.photos.fit import fit_camera, fit_wide_camera
-from core.pictures.cut import cut_photo
+from core.photos.wide.cut import cut_photo
 
 POSE = Pose.from_centre(so3_exp([0.05, 0.2, 0.02]), [-0.4, 0.1, -1.0])
 
