@@ -38,17 +38,18 @@ class AddsPicture(PlainOperator, FromFile):
     }
 
     def set_behind(
-        self, context: bpy.types.Context, photo: Photo, load: Callable[[], bpy.types.Image]
-    ) -> tuple[bpy.types.Object, bpy.types.Image, list[str]]:
-        """Camera, image and what to say of them; `load` makes the image once the camera file is known to fit.
+        self, context: bpy.types.Context, photo: Photo, load: Callable[[], bpy.types.Image], may_cut: bool = False
+    ) -> tuple[bpy.types.Object, photo_camera.LoadedPhoto, list[str]]:
+        """Camera, what was set behind it and what to say of them; `load` makes the image once the camera file is known to fit.
 
-        Raises GssmcError, with nothing changed.
+        `may_cut`: a photo of a wide lens is cut. Raises GssmcError, with nothing changed.
         """
-        given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
-        image = load()
-        camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name, photo)
-        loaded = photo_camera.LoadedPhoto(photo, image, given)
-        return camera, image, photo_camera.fit_camera(context, camera, loaded, self.set_resolution)
+        given = photo_camera.find_camera(context.scene, self.camera_file, photo, may_cut) if self.camera_file else None
+        used, given = photo_camera.cut_photo(photo, given)
+        image = load() if used is photo else photo_image.load_cut(self.filepath, used)
+        camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name, used)
+        loaded = photo_camera.LoadedPhoto(used, image, given)
+        return camera, loaded, photo_camera.fit_camera(context, camera, loaded, self.set_resolution)
 
 
 class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
@@ -70,7 +71,9 @@ class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()  # Scripts move objects and expect their new places to be used.
         photo = photo_image.read_any_photo(self.filepath)
-        camera, image, notes = self.set_behind(context, photo, partial(photo_image.load_image, self.filepath, photo))
+        load = partial(photo_image.load_image, self.filepath, photo)
+        camera, loaded, notes = self.set_behind(context, photo, load, may_cut=True)
+        photo, image = loaded.photo, loaded.image
         photo_list.add(context.scene, camera, photo)
         photo_list.pick(context.scene, camera)  # and look through it
         values = {"photo": image.name, "camera": camera.name, "x": photo.width, "y": photo.height}

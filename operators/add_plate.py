@@ -38,7 +38,8 @@ class GSSMC_OT_add_plate(Idle, AddsPicture, bpy.types.Operator):
         plate, first, last = open_plate(Path(bpy.path.abspath(self.filepath)))
         photo = plate_source.frame_source(plate, first).read()
         load = partial(plate_source.load, plate.file(first), plate.is_movie)
-        camera, image, _ = self.set_behind(context, photo, load)
+        camera, loaded, _ = self.set_behind(context, photo, load)
+        image = loaded.image
         plate_source.set_frames(camera.data, image, start, first, last)
         photo_camera.look_through(context, camera)
         values = {"plate": image.name, "camera": camera.name, "start": start, "end": start + last - first}

@@ -3,26 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..geometry.camera import Camera
+from ..geometry.pinhole_cut import WideCamera
+from ..geometry.wide_lens import WideLens
 from ..locate import FindReport, Hypothesis, PhotoLens
-from ..photos.fit import fit_lens
+from ..photos.fit import fit_lens, fit_wide
 from ..photos.photo import Photo
+from ..photos.wide.cut import central_photo
+from ..pose.report import RefineReport
 from ..pose.report_json import failed_to_dict, pose_to_dict, report_to_dict
+from .refine_wide import cut_sentence
 
 Record = dict[str, Any]
 RETRIED = "Found without the start: the refinement from it failed, so the camera was searched for without it."
 
 
 def find_target(photo: Photo, wanted: Camera | Unplaced) -> PhotoLens:
-    """The photo (see `refine_one.read_masked_photo`) with its lens; the pose of `wanted` plays no part.
+    """The photo (see `refine_one.read_masked_photo`) with its lens, or the cut of one that needs it (see `whole_found`); the
+    pose of `wanted` plays no part.
 
-    Raises PhotoError when the lens does not fit the photo.
+    Raises PhotoError when the lens does not fit the photo, or it is a panorama, which can't be searched for.
     """
+    wide = _wide(wanted)
+    if wide is not None:
+        made = central_photo(photo, fit_wide(photo, wide, wanted.pixel_order))
+        return PhotoLens(made.photo, made.cut.intrinsics)
     lens = None if wanted.intrinsics is None else fit_lens(photo, wanted.intrinsics, wanted.pixel_order)
     return PhotoLens(photo, lens, wanted.focal_guessed)
+
+
+def whole_found(photo: Photo, found: FindReport, wanted: Camera | Unplaced) -> FindReport:
+    """What was found of a cut (`find_target`), told of the whole photo; anything else as it is."""
+    wide = _wide(wanted)
+    if wide is None:
+        return found
+    lens = fit_wide(photo, wide, wanted.pixel_order)
+    said = cut_sentence(lens, central_photo(photo, lens).cut)
+
+    def whole(camera: Camera) -> WideCamera:
+        return WideCamera.of(lens, camera.pose, wanted.file)
+
+    refined: RefineReport | None = None
+    if found.refined is not None:
+        reasons = (*found.refined.reasons, said)
+        refined = replace(found.refined, camera=whole(found.refined.camera), start=whole(found.refined.start), reasons=reasons)
+    camera = None if found.camera is None else whole(found.camera)
+    return replace(found, camera=camera, refined=refined, reasons=(*found.reasons, said))
+
+
+def _wide(wanted: Camera | Unplaced) -> WideLens | None:
+    if isinstance(wanted, Unplaced):
+        return wanted.wide
+    return wanted.lens if isinstance(wanted, WideCamera) else None
 
 
 def found_to_dict(found: FindReport, wanted: Unplaced) -> Record:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..geometry.camera import Camera, rotation_angle_deg
+from ..geometry.pinhole_cut import WideCamera
 from ..photos.fit import fit_camera, other_reading
 from ..photos.mask import masked
 from ..photos.photo import Photo, read_photo
@@ -15,6 +16,7 @@ from ..pose.refine import refine
 from ..pose.report import RefineProgress, RefineReport
 from ..pose.settings import RefineSettings
 from ..render.view import ViewRenderer
+from .refine_wide import WideRefinement
 
 TURNED_DEG = 90.0
 OTHER_FITS = (
@@ -41,6 +43,8 @@ def refine_photo(
     Of a photo that EXIF turns by 180 degrees, no size shows whether the camera belongs to its upright or its stored pixels.
     Where what the camera says leads to no trusted result, or to one turned against its start, the other is tried as well.
     """
+    if isinstance(camera, WideCamera):
+        return WideRefinement(renderer, settings).run(photo, camera, on_progress)
     report = refine(renderer, photo, fit_camera(photo, camera), settings, on_progress)
     other = None if report.verdict == "trusted" and not _is_turned(report) else other_reading(photo, camera)
     if other is None:

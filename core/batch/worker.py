@@ -26,7 +26,7 @@ from ..pose.settings import RefineSettings
 from ..processes.requests import Requests
 from ..render import Renderer, RenderSettings
 from ..splats import read_splats
-from .find_one import find_target, found_to_dict
+from .find_one import find_target, found_to_dict, whole_found
 from .place import into_file, starts_in_scene
 from .refine_one import read_masked_photo, refine_starts
 
@@ -86,8 +86,9 @@ class RecordFinder:
         return _guarded(wanted, lambda: self._found(wanted, photo, mask))
 
     def _found(self, wanted: Unplaced, photo: Path, mask: Path | None) -> Record:
-        target = find_target(read_masked_photo(photo, mask), wanted)
-        return found_to_dict(find_camera(self._renderer, target, self._landmarks, self._settings), wanted)
+        picture = read_masked_photo(photo, mask)
+        found = find_camera(self._renderer, find_target(picture, wanted), self._landmarks, self._settings)
+        return found_to_dict(whole_found(picture, found, wanted), wanted)
 
 
 def _guarded(wanted: Camera | Unplaced, work: Callable[[], Record]) -> Record:

@@ -138,7 +138,7 @@ def camera_file(path: Path) -> CameraFile:
         return CameraFile(tuple(wanted), bad_note(bad, path.name), bad, len(wanted) + len(bad))
     found = LAYOUTS[_known(path)].read(path, "test")
     records = [
-        StartCamera(one.pose, one.name, one.intrinsics, one.focal_guessed, found.pixel_order, one.lens_of_size)
+        StartCamera(one.pose, one.name, one.intrinsics, one.focal_guessed, found.pixel_order, one.lens_of_size, one.wide)
         for one in found.frames
         if one.is_picture
     ]

@@ -38,5 +38,5 @@ def read(path: Path, split: Split = "test") -> PoseSet:
         if "error" in record:
             unsolved += 1
             continue
-        frames.append(PosedFrame(camera.file, camera.pose, camera.intrinsics))
+        frames.append(PosedFrame(camera.file, camera.pose, camera.intrinsics, wide=camera.wide))
     return pose_set(path, frames, metric=False, unsolved=unsolved)

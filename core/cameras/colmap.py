@@ -14,6 +14,8 @@ from ..errors import CameraError, DatasetError
 from ..geometry.camera import Camera, Intrinsics, Pose
 from ..geometry.foreign_lens import BROWN, Lens
 from ..geometry.foreign_lens import lens_of as foreign_lens
+from ..geometry.pinhole_cut import WideCamera
+from ..geometry.wide_lens import WideLens
 from ..support.atomic import atomic_write
 from ..support.words import counted
 from . import colmap_binary
@@ -114,19 +116,19 @@ def _read_binary(file: Path) -> Frames:
 
 def _frame(name: str, pose: Pose, lens: Lens | None) -> PosedFrame:
     lens = lens or Lens(None)
-    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture)
+    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture, wide=lens.wide)
 
 
 def write_model(folder: Path, cameras: Sequence[Camera]) -> None:
     """Write a model without points: one COLMAP camera for each different lens. `read` gives the same doubles back."""
-    lenses = list(dict.fromkeys(camera.intrinsics for camera in cameras))
+    lenses = list(dict.fromkeys(_lens(camera) for camera in cameras))
     with atomic_write(folder / CAMERAS) as file:
         file.write("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n")
         file.writelines(f"{i} {_lens_columns(lens)}\n" for i, lens in enumerate(lenses, 1))
     with atomic_write(folder / IMAGES) as file:
         file.write("# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n# POINTS2D[] as X Y POINT3D_ID\n")
         for i, camera in enumerate(cameras, 1):
-            columns = [str(i), *pose_columns(camera.pose), str(lenses.index(camera.intrinsics) + 1), _checked(camera.file, i)]
+            columns = [str(i), *pose_columns(camera.pose), str(lenses.index(_lens(camera)) + 1), _checked(camera.file, i)]
             file.write(" ".join(columns) + "\n\n")
     with atomic_write(folder / POINTS) as file:
         file.write("# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX\n")
@@ -202,8 +204,14 @@ def _read_cameras(path: Path) -> dict[str, Lens]:
     return {columns[0]: read_lens(columns[1:], where) for where, columns in data_lines(path)}
 
 
-def _lens_columns(k: Intrinsics) -> str:
-    """MODEL WIDTH HEIGHT PARAMS of the simplest model that says all of the lens."""
+def _lens(camera: Camera) -> Intrinsics | WideLens:
+    return camera.lens if isinstance(camera, WideCamera) else camera.intrinsics
+
+
+def _lens_columns(k: Intrinsics | WideLens) -> str:
+    """MODEL WIDTH HEIGHT PARAMS of the simplest model that says all of the lens. Raises DatasetError where COLMAP has none."""
+    if isinstance(k, WideLens):
+        return _wide_columns(k)
     values = [k.fx, k.fy, k.cx, k.cy]
     model = "PINHOLE"
     if k.dist[4]:
@@ -211,6 +219,17 @@ def _lens_columns(k: Intrinsics) -> str:
     elif k.has_distortion:
         model, values = "OPENCV", [*values, *k.dist[:4]]
     return " ".join([model, str(k.width), str(k.height), *(repr(float(value)) for value in values)])
+
+
+def _wide_columns(lens: WideLens) -> str:
+    if lens.is_panorama:
+        return f"{lens.model} {lens.width} {lens.height} {lens.width} {lens.height}"
+    names = MODELS.get(lens.model)
+    if names is None or ("f" in names and lens.fx != lens.fy):
+        raise DatasetError(f"COLMAP has no lens model {lens.model} with these values; write --to json.")
+    lengths = {"f": lens.fx, "fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy}
+    values = [(lengths | lens.values).get(name, 0.0) for name in names]
+    return " ".join([lens.model, str(lens.width), str(lens.height), *(repr(float(value)) for value in values)])
 
 
 def _checked(name: str, number: int) -> str:

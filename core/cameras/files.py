@@ -5,6 +5,7 @@ world-to-camera, OpenCV axes, pixel centres at +0.5. "file" and "dist" may be le
 focal length is no calibration, and so does the "lens" of a result for which it was solved. A start may leave out its whole
 lens (see `StartCamera`): the photo then gives one. "orientation": "stored" says that the camera belongs to the photo's pixels
 before EXIF turns them; "upright", which is also what a file without it means, that it belongs to them afterwards.
+"camera_model" with "coefficients" in place of "dist" is a lens as `geometry.wide_record` has it.
 """
 
 from __future__ import annotations
@@ -18,8 +19,11 @@ from typing import Any, TypeVar, get_args
 import numpy as np
 
 from ..errors import CameraError
+from ..geometry import wide_record
 from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
+from ..geometry.pinhole_cut import WideCamera
 from ..geometry.turned_photo import is_quarter_turn, upright_pose
+from ..geometry.wide_lens import WideLens
 from ..support.atomic import atomic_write
 from .types import LensOfSize, lens_of_file
 
@@ -31,7 +35,7 @@ ORDER = "orientation"
 @dataclass(frozen=True)
 class StartCamera:
     """A rough camera as its file gives it: `intrinsics` is None where the file tells a pose and no lens; `lens_of_size` is the
-    lens that it tells for want of the photo's size. `pixel_order` as in Camera.
+    lens that it tells for want of the photo's size; `wide` one that intrinsics cannot hold. `pixel_order` as in Camera.
     """
 
     pose: Pose
@@ -40,29 +44,45 @@ class StartCamera:
     focal_guessed: bool = False
     pixel_order: PixelOrder = "upright"
     lens_of_size: LensOfSize | None = None
+    wide: WideLens | None = None
 
     @property
     def tells_no_lens(self) -> bool:
-        return self.intrinsics is None and self.lens_of_size is None
+        return self.intrinsics is None and self.lens_of_size is None and self.wide is None
 
     def camera(self, guess: Intrinsics, orientation: int = 1) -> Camera:
         """The camera; `guess` takes the place of a lens that the file does not tell. It belongs to the upright photo; the
         photo's EXIF `orientation` then turns a pose of the stored pixels. Raises CameraError where the lens is none.
         """
+        if self.wide is not None:
+            return WideCamera.of(self.wide, self.pose, self.file, self.pixel_order)
         if self.intrinsics is None and self.lens_of_size is not None:
             turned = self.pixel_order == "stored" and is_quarter_turn(orientation)
             size = (guess.height, guess.width) if turned else (guess.width, guess.height)
-            return Camera(self.lens_of_size(*size), self.pose, self.file, self.focal_guessed, self.pixel_order)
+            lens = self.lens_of_size(*size)
+            if isinstance(lens, WideLens):
+                return WideCamera.of(lens, self.pose, self.file, self.pixel_order)
+            return Camera(lens, self.pose, self.file, self.focal_guessed, self.pixel_order)
         if self.intrinsics is None:
             pose = upright_pose(self.pose, orientation) if self.pixel_order == "stored" else self.pose
             return Camera(guess, pose, self.file, focal_guessed=True)
         return Camera(self.intrinsics, self.pose, self.file, self.focal_guessed, self.pixel_order)
+
+    def known_camera(self) -> Camera:
+        """The camera where the file tells its lens with its size. Raises CameraError where it does not."""
+        if self.intrinsics is not None:
+            return self.camera(self.intrinsics)
+        if self.wide is None:
+            raise CameraError("The camera has no lens of a known size; give width, height, fx and fy.")
+        return WideCamera.of(self.wide, self.pose, self.file, self.pixel_order)
 
     def to_dict(self) -> dict[str, Any]:
         """The start as JSON holds it, without the keys of a lens where it has none."""
         if self.intrinsics is not None:
             return camera_to_dict(self.camera(self.intrinsics))
         pose = {"R": self.pose.R.tolist(), "t": self.pose.t.tolist()}
+        if self.wide is not None:
+            return {"file": self.file, **wide_record.to_dict(self.wide), **order_to_dict(self.pixel_order), **pose}
         return {"file": self.file, **order_to_dict(self.pixel_order), **pose}
 
 
@@ -111,12 +131,22 @@ def camera_to_dict(camera: Camera) -> dict[str, Any]:
     """The camera as JSON holds it; `dist` has k1 k2 p1 p2, and k3 where it is not zero; "focal_guessed" stands where true, and
     "orientation" where the camera is not of the upright photo.
     """
+    if isinstance(camera, WideCamera):
+        start = StartCamera(camera.pose, camera.file, pixel_order=camera.pixel_order, wide=camera.lens)
+        return {**start.to_dict(), **_cut(camera)}
     k = camera.intrinsics
     numbers = {name: getattr(k, name) for name in NUMBERS}
     dist = list(k.dist if k.dist[4] else k.dist[:4])
     guessed = {"focal_guessed": True} if camera.focal_guessed else {}
     pose = {"R": camera.pose.R.tolist(), "t": camera.pose.t.tolist()}
     return {"file": camera.file, **numbers, "dist": dist, **guessed, **order_to_dict(camera.pixel_order), **pose}
+
+
+def _cut(camera: WideCamera) -> dict[str, Any]:
+    """The pinhole that shows the photo's middle, with the same pose, for programs that have no such lens."""
+    if camera.lens.is_panorama:
+        return {}
+    return {"cut": {name: getattr(camera.intrinsics, name) for name in NUMBERS}}
 
 
 def order_to_dict(order: PixelOrder) -> dict[str, str]:
@@ -126,14 +156,16 @@ def order_to_dict(order: PixelOrder) -> dict[str, str]:
 
 def camera_from_dict(data: Any, name: str = "The camera") -> Camera:
     """The camera in a JSON object; `name` begins the sentence of a CameraError."""
-    _check_keys(data, (*NUMBERS, "R", "t"), name)
-    lens, start = _lens(data, name), start_from_dict(data, name)
-    return start.camera(lens)
+    start = start_from_dict(data, name)
+    if start.wide is None:
+        _check_keys(data, (*NUMBERS, "R", "t"), name)
+    return start.camera(start.intrinsics or _lens(data, name))
 
 
 def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
     """The start in a JSON object: a camera, or a pose without any of the lens's keys. Raises CameraError."""
-    whole = isinstance(data, dict) and any(key in data for key in (*NUMBERS, "dist"))
+    wide = _wide(data, name)
+    whole = wide is None and isinstance(data, dict) and any(key in data for key in (*NUMBERS, "dist"))
     _check_keys(data, (*(NUMBERS if whole else ()), "R", "t"), name)
     lens = _lens(data, name) if whole else None
     order = _pixel_order(data, name)
@@ -144,7 +176,8 @@ def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
     if not isinstance(guessed, bool):
         raise CameraError(f'{name} has the entry "focal_guessed", which is neither true nor false; correct it.')
     try:
-        return StartCamera(Pose(R, t), file, lens, guessed or lens is None or solved_lens(data), order)
+        guessed = wide is None and (guessed or lens is None or solved_lens(data))
+        return StartCamera(Pose(R, t), file, lens, guessed, order, wide=wide)
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
 
@@ -186,6 +219,16 @@ def _lens(data: dict[str, Any], name: str) -> Intrinsics:
         return lens_of_file(Intrinsics(int(numbers["width"]), int(numbers["height"]), fx, fy, cx, cy, distortion))
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
+
+
+def _wide(data: Any, name: str) -> WideLens | None:
+    wide = wide_record.from_dict(data, name)
+    if wide is not None:
+        try:
+            lens_of_file(wide.pinhole())
+        except CameraError as error:
+            raise CameraError(f"{name} cannot be used: {error}") from None
+    return wide
 
 
 def _numbers(value: Any, shape: tuple[int, ...], name: str, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:

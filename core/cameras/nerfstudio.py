@@ -16,6 +16,9 @@ from ..errors import CameraError, DatasetError
 from ..geometry.camera import Camera, Intrinsics, Pose
 from ..geometry.conventions import pose_from_opengl, pose_to_opengl
 from ..geometry.foreign_lens import BROWN, PANORAMAS, Lens, lens_of
+from ..geometry.lens_models import EQUIRECTANGULAR
+from ..geometry.pinhole_cut import WideCamera
+from ..geometry.wide_lens import WideLens
 from ..support.atomic import atomic_write
 from .files import load_json
 from .text import head
@@ -29,6 +32,9 @@ NUMBERS = ("fl_x", "fl_y", "camera_angle_x", "camera_angle_y", "cx", "cy", *COEF
 # camera_model to the model of foreign_lens; what is not here has that name there, or none.
 MODELS = {name: BROWN for name in ("", "OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")}
 MODELS |= {"FISHEYE": "OPENCV_FISHEYE", "OMNIDIRECTIONALSTEREO_L": "EQUIRECTANGULAR"}
+# What nerfstudio's fisheye can say.
+FISHEYES = ("OPENCV_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "SIMPLE_FISHEYE", "FISHEYE")
+FISHEYE_NAMES = ("k1", "k2", "k3", "k4")
 
 
 def detect(path: Path) -> bool:
@@ -55,17 +61,21 @@ def read(path: Path, split: Split = "test") -> PoseSet:
 
 
 def write_transforms(path: Path, cameras: Sequence[Camera]) -> None:
-    """Write all cameras, the lens once where they share it. `read` gives the lenses back exactly, the poses to rounding."""
-    shared = len({camera.intrinsics for camera in cameras}) == 1
+    """Write all cameras, the lens once where they share it. `read` gives the lenses back exactly, the poses to rounding.
+
+    Raises DatasetError where nerfstudio has no such lens.
+    """
+    records = [_lens_record(camera) for camera in cameras]
+    shared = all(record == records[0] for record in records)
     frames = [
         {
             "file_path": camera.file,
-            **({} if shared else _lens_record(camera.intrinsics)),
+            **({} if shared else record),
             "transform_matrix": pose_to_opengl(camera.pose).tolist(),
         }
-        for camera in cameras
+        for camera, record in zip(cameras, records, strict=True)
     ]
-    top = {"camera_model": "OPENCV", **(_lens_record(cameras[0].intrinsics) if shared else {})}
+    top = records[0] if shared else {"camera_model": "OPENCV"}
     with atomic_write(path) as file:
         json.dump({**top, "frames": frames}, file, indent=1)
 
@@ -86,7 +96,7 @@ def _frame(record: Any, top: dict[str, Any], where: str) -> PosedFrame:
         lens = lens_of_size(int(float(values["w"])), int(float(values["h"])))
     except (TypeError, ValueError, OverflowError, ZeroDivisionError, CameraError):
         return PosedFrame(name, pose, problem="the lens is left out, for its values make none")
-    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture)
+    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture, wide=lens.wide)
 
 
 def _pose(matrix: Any, where: str) -> Pose:
@@ -97,10 +107,11 @@ def _pose(matrix: Any, where: str) -> Pose:
         raise DatasetError(f"{where} cannot be used: {said}") from None
 
 
-def _exact(lens: Lens) -> Intrinsics:
-    if lens.intrinsics is None:
+def _exact(lens: Lens) -> Intrinsics | WideLens:
+    found = lens.intrinsics or lens.wide
+    if found is None:
         raise CameraError(f"The photo's lens cannot be used: {lens.problem}.")
-    return lens.intrinsics
+    return found
 
 
 def _lens(values: dict[str, Any]) -> Callable[[int, int], Lens] | None:
@@ -129,6 +140,20 @@ def _focal(numbers: dict[str, float], axis: str, size: int) -> float | None:
     return None if angle is None else size / 2 / math.tan(angle / 2)
 
 
-def _lens_record(k: Intrinsics) -> dict[str, float]:
-    record: dict[str, float] = {"w": k.width, "h": k.height, "fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy}
+def _lens_record(camera: Camera) -> dict[str, float | str]:
+    if isinstance(camera, WideCamera):
+        return _wide_record(camera.lens)
+    k = camera.intrinsics
+    record: dict[str, float | str] = {"camera_model": "OPENCV", "w": k.width, "h": k.height}
+    record |= {"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy}
     return record | dict(zip(DISTORTION, k.dist, strict=True))
+
+
+def _wide_record(lens: WideLens) -> dict[str, float | str]:
+    sizes: dict[str, float | str] = {"w": lens.width, "h": lens.height}
+    if lens.is_panorama:
+        return {"camera_model": EQUIRECTANGULAR, **sizes}
+    if lens.model not in FISHEYES:
+        raise DatasetError(f"nerfstudio has no lens model {lens.model}; write --to json or --to colmap.")
+    lengths = {"fl_x": lens.fx, "fl_y": lens.fy, "cx": lens.cx, "cy": lens.cy}
+    return {"camera_model": FISHEYES[0], **sizes, **lengths, **{name: lens.values.get(name, 0.0) for name in FISHEYE_NAMES}}

@@ -10,12 +10,13 @@ from typing import Literal, TypeVar
 
 from ..errors import CameraError, DatasetError
 from ..geometry.camera import Intrinsics, PixelOrder, Pose
+from ..geometry.wide_lens import WideLens
 from ..photos.size import size_problem
 from ..support.words import counted
 
 Split = Literal["test", "train"]
 # The lens of a photo of (width, height) pixels as stored. Raises CameraError.
-LensOfSize = Callable[[int, int], Intrinsics]
+LensOfSize = Callable[[int, int], Intrinsics | WideLens]
 T = TypeVar("T")
 # An error shows so many characters of a name.
 LONGEST_NAME = 100
@@ -24,10 +25,11 @@ LONGEST_NAME = 100
 @dataclass(frozen=True)
 class PosedFrame:
     """A photo's name as its file spells it, its pose (world-to-camera, the file's own world and unit), and its lens where
-    the file tells one that `Intrinsics` can hold.
+    the file tells one: `intrinsics`, or `wide` for what those cannot hold.
 
     `lens_of_size`: the lens where the file does not tell the photo's size. `problem`: why there is no lens, or what is wrong
-    with it, as part of a sentence; `is_picture`: False for a panorama, which no lens took. `focal_guessed` as in Camera.
+    with it, as part of a sentence; `is_picture`: False for a picture that is not seen from one point. `focal_guessed` as in
+    Camera.
     """
 
     name: str
@@ -37,6 +39,7 @@ class PosedFrame:
     problem: str = ""
     is_picture: bool = True
     focal_guessed: bool = False
+    wide: WideLens | None = None
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from typing import Any
 
 from ..errors import CameraError
 from ..geometry.camera import Camera, Intrinsics, PixelOrder, Pose
+from ..geometry.pinhole_cut import WideCamera
+from ..geometry.wide_lens import WideLens
 from .files import NUMBERS, StartCamera, camera_to_dict, parse_file, start_from_dict
 
 POSE = ("R", "t")
@@ -18,27 +20,32 @@ POSE = ("R", "t")
 
 @dataclass(frozen=True)
 class Unplaced:
-    """A photo without a pose: `intrinsics` at its full size, None where nothing tells its lens; `pixel_order` as in Camera."""
+    """A photo without a pose: `intrinsics` at its full size, None where nothing tells its lens, or it is `wide`; `pixel_order`
+    as in Camera.
+    """
 
     file: str = ""
     intrinsics: Intrinsics | None = None
     focal_guessed: bool = False
     pixel_order: PixelOrder = "upright"
+    wide: WideLens | None = None
 
     @property
     def tells_no_lens(self) -> bool:
-        return self.intrinsics is None
+        return self.intrinsics is None and self.wide is None
 
     def with_guess(self, guess: Intrinsics) -> Unplaced:
         """The same; `guess` takes the place of a lens that is not known."""
-        if self.intrinsics is not None:
+        if not self.tells_no_lens:
             return self
         return replace(self, intrinsics=guess, focal_guessed=True, pixel_order="upright")
 
     @classmethod
     def of(cls, camera: Camera | StartCamera) -> Unplaced:
         """What is left of a camera whose pose is not known, or not to be used."""
-        return cls(camera.file, camera.intrinsics, camera.focal_guessed, camera.pixel_order)
+        wide = camera.lens if isinstance(camera, WideCamera) else getattr(camera, "wide", None)
+        lens = None if wide else camera.intrinsics
+        return cls(camera.file, lens, camera.focal_guessed, camera.pixel_order, wide)
 
 
 def read_wanted(path: str | Path) -> tuple[list[StartCamera | Unplaced], tuple[str, ...]]:
@@ -71,7 +78,8 @@ def wanted_from_dict(data: Any, name: str = "The camera") -> StartCamera | Unpla
         return start_from_dict(data, name)
     lens = {key: value for key, value in data.items() if value is not None and key not in POSE}
     start = start_from_dict({**lens, "R": Pose().R.tolist(), "t": [0.0, 0.0, 0.0]}, name)
-    return Unplaced(start.file, start.intrinsics, start.focal_guessed and start.intrinsics is not None, start.pixel_order)
+    guessed = start.focal_guessed and start.intrinsics is not None
+    return Unplaced(start.file, start.intrinsics, guessed, start.pixel_order, start.wide)
 
 
 def is_unplaced(data: Any) -> bool:
@@ -88,6 +96,9 @@ def wanted_to_dict(wanted: Camera | StartCamera | Unplaced) -> dict[str, Any]:
         return camera_to_dict(wanted)
     if isinstance(wanted, StartCamera):
         return wanted.to_dict()
+    if wanted.wide is not None:
+        start = StartCamera(Pose(), wanted.file, pixel_order=wanted.pixel_order, wide=wanted.wide)
+        return {**start.to_dict(), "R": None, "t": None}
     if wanted.intrinsics is None:
         return {"file": wanted.file, "R": None, "t": None}
     camera = Camera(wanted.intrinsics, Pose(), wanted.file, wanted.focal_guessed, wanted.pixel_order)

@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from ..errors import GssmcError
-from .commands import batch, convert, demo, evaluate, features, locate, refine, render, track
+from .commands import batch, convert, demo, evaluate, features, locate, refine, render, stmap, track
 from .commands import map as make_map
 from .console import message
 from .flags import OneLineParser
@@ -25,11 +25,12 @@ COMMANDS = {
     "demo": demo,
     "evaluate": evaluate,
     "convert": convert,
+    "stmap": stmap,
     "track": track,
     "features": features,
 }
 WITHOUT_SCENE = frozenset(
-    {"evaluate", "convert", "features", "map", "track"}
+    {"evaluate", "convert", "stmap", "features", "map", "track"}
 )  # a caller that saves scenes has nothing to add to them
 
 

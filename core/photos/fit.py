@@ -10,7 +10,9 @@ import numpy as np
 
 from ..errors import PhotoError
 from ..geometry.camera import Camera, Intrinsics, PixelOrder
-from ..geometry.turned_photo import TURNS, is_quarter_turn, upright_camera, upright_lens
+from ..geometry.pinhole_cut import WideCamera
+from ..geometry.turned_photo import TURNS, is_quarter_turn, upright_camera, upright_lens, upright_pose
+from ..geometry.wide_lens import WideLens
 from .photo import Photo, check_size, same_shape
 
 # What the lens of a photo that can be matched is like. Its focal length as a share of the photo's longer side: from a view of
@@ -26,12 +28,32 @@ def fit_camera(photo: Photo, camera: Camera) -> Camera:
 
     Where EXIF turns the photo, the camera may belong to the pixels as they are stored. A quarter turn shows in the sizes; where
     they say nothing (a half turn, a square photo), `camera.pixel_order` decides. Raises PhotoError when the shapes contradict
-    each other, the stored pixels are mirrored, or no photo has such a lens.
+    each other, the stored pixels are mirrored, no photo has such a lens, or the photo has to be cut first (`fit_wide`).
     """
+    if isinstance(camera, WideCamera):
+        raise PhotoError(
+            f"'{Path(photo.file).name or 'The photo'}' was taken through a lens {camera.lens.model}, which has to be cut into "
+            "pinhole pictures; place it with the command 'refine' or 'batch', or undistort it."
+        )
     if is_of_stored_pixels(photo, camera.intrinsics, camera.pixel_order):
         camera = upright_camera(camera, photo.orientation)
     lens = check_lens(photo, check_size(photo, camera.intrinsics))
     return replace(camera, intrinsics=lens, pixel_order="upright")
+
+
+def fit_wide(photo: Photo, lens: WideLens, pixel_order: PixelOrder = "upright") -> WideLens:
+    """As `fit_lens`, of a lens that cuts are made of. Raises CameraError where it does not turn with the photo."""
+    if is_of_stored_pixels(photo, lens.pinhole(), pixel_order):
+        lens = lens.turned(photo.orientation)
+    k = check_size(photo, lens.pinhole())
+    return lens.resized(k.width, k.height)
+
+
+def fit_wide_camera(photo: Photo, camera: WideCamera) -> WideCamera:
+    """As `fit_camera`. Raises CameraError as `fit_wide`."""
+    stored = is_of_stored_pixels(photo, camera.lens.pinhole(), camera.pixel_order)
+    pose = upright_pose(camera.pose, photo.orientation) if stored else camera.pose
+    return WideCamera.of(fit_wide(photo, camera.lens, camera.pixel_order), pose, camera.file)
 
 
 def other_reading(photo: Photo, camera: Camera) -> Camera | None:

@@ -132,9 +132,10 @@ class RefineReport:
 
     `reasons` are whole sentences in plain words, the decisive one first, `details` the figures behind them for who knows the
     terms; `seconds` is wall time; `quality` is the evidence and says which pose it belongs to, None when no pose was found;
-    `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop"); `lens` says of each number of the lens
-    whether it was solved for and how sure it is, empty where no pose was found; `lens_evidence` is what the photo can tell
-    other photos of that lens, None where not all of it was solved for, or it was given.
+    `stage` names the fit that gave the pose ("joint", "epipolar", "depth", "loop", and "faces" for the mean of a panorama's
+    parts); `lens` says of each number of the lens whether it was solved for and how sure it is, empty where no pose was found;
+    `lens_evidence` is what the photo can tell other photos of that lens, None where not all of it was solved for, or it was
+    given.
     """
 
     camera: Camera

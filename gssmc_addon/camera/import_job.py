@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,8 @@ from ...core.cameras.training_world import Axes, ScanAxes, read_training_world
 from ...core.errors import CameraError, GssmcError, PhotoError
 from ...core.geometry import conventions
 from ...core.geometry.camera import Camera
-from ...core.photos.fit import fit_camera
+from ...core.geometry.pinhole_cut import WideCamera
+from ...core.photos.fit import fit_camera, fit_wide_camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo, PhotoFacts, photo_facts, read_photo
 from ...core.photos.places import PhotoFinder
@@ -45,11 +46,15 @@ READING = 0.5  # share of the progress shown
 
 @dataclass(frozen=True)
 class Incoming:
-    """A camera to be made: the engine's, and its photo where one was found (`file`; `turned`: not stored upright)."""
+    """A camera to be made: the engine's, and its photo where one was found (`file`; `turned`: not stored upright).
+
+    `is_cut`: the camera is that of the pinhole cut of a wide lens, whose photo is not cut here: hundreds would take minutes.
+    """
 
     camera: Camera
     file: Path | None
     turned: bool = False
+    is_cut: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,7 +103,22 @@ def read_incoming(
     for number, start in enumerate(starts, start=1):
         found.append(_incoming(start, finder))
         yield number / len(starts)
-    return Found(found, notes)
+    return Found(found, (*notes, *_uncut(found)))
+
+
+def _uncut(found: Sequence[Incoming | LeftOut]) -> list[str]:
+    """What is said of cameras whose photos would have to be cut."""
+    count = sum(isinstance(one, Incoming) and one.is_cut for one in found)
+    if count == 1:
+        return [rpt_("1 camera of a wide lens shows the middle of its view, without the photo; Add Photo cuts that.")]
+    if not count:
+        return []
+    return [
+        rpt_(
+            "{count} cameras of wide lenses show the middle of their view, without their photos; Add Photo cuts those.",
+            count=count,
+        )
+    ]
 
 
 def model_of(path: Path) -> Path:
@@ -115,7 +135,11 @@ def _incoming(start: StartCamera, finder: PhotoFinder) -> Incoming | LeftOut:
     size = facts.width, facts.height
     photo = Photo(np.zeros((1, 1, 3), np.uint8), str(file), facts.focal_35mm, full_size=size, orientation=facts.orientation)
     try:
-        camera = fit_camera(photo, start.camera(guess_lens(photo).intrinsics, facts.orientation))
+        given = start.camera(guess_lens(photo).intrinsics, facts.orientation)
+        if isinstance(given, WideCamera) and not given.lens.is_panorama:
+            wide = fit_wide_camera(photo, given)
+            return Incoming(Camera(wide.intrinsics, wide.pose, wide.file), None, is_cut=True)
+        camera = fit_camera(photo, given)
     except (CameraError, PhotoError) as error:
         return LeftOut(str(error))
     return Incoming(camera, file, not facts.stored_upright)

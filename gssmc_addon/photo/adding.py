@@ -94,8 +94,10 @@ class AddPhotosJob(QueueJob):
 
     def end_item(self, index: int, photo: Photo) -> None:
         context, path = bpy.context, str(self.paths[index])
-        given = photo_camera.find_camera(context.scene, self.camera_file, photo) if self.camera_file else None
-        image = photo_image.load_image(path, photo)
+        given = photo_camera.find_camera(context.scene, self.camera_file, photo, may_cut=True) if self.camera_file else None
+        used, given = photo_camera.cut_photo(photo, given)
+        image = photo_image.load_image(path, photo) if used is photo else photo_image.load_cut(path, used)
+        photo = used
         camera = photo_camera.choose_camera(context, "NEW", self.paths[index].name, photo)
         photo_camera.fit_camera(context, camera, photo_camera.LoadedPhoto(photo, image, given), set_resolution=False)
         photo_list.add(context.scene, camera, photo)

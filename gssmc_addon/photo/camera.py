@@ -11,11 +11,13 @@ from ...core.cameras import camera_file
 from ...core.cameras.unplaced import Unplaced
 from ...core.errors import CameraError
 from ...core.geometry import conventions
-from ...core.geometry.camera import Camera, Intrinsics
+from ...core.geometry.camera import Camera, Intrinsics, Pose
+from ...core.geometry.pinhole_cut import WideCamera
 from ...core.photos.fit import fit_camera as fit_to_photo
-from ...core.photos.fit import fit_lens
+from ...core.photos.fit import fit_lens, fit_wide, fit_wide_camera
 from ...core.photos.lens_guess import guess_lens
 from ...core.photos.photo import Photo
+from ...core.photos.wide.cut import central_photo
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame
@@ -42,21 +44,51 @@ class ViewportView:
         return self.region.view_perspective != "CAMERA"
 
 
-def find_camera(scene: bpy.types.Scene, path: str, photo: Photo) -> Camera | Unplaced:
+def find_camera(scene: bpy.types.Scene, path: str, photo: Photo, may_cut: bool = False) -> Camera | Unplaced:
     """The camera that the file has for this photo, or its lens where there is no pose, by the same rules as on the command
     line, in the splat object's coordinates.
 
-    Raises CameraError when none or several name the photo or no splat can carry the pose, PhotoError when the shapes differ.
+    `may_cut`: the photo can be cut (`cut_photo`), so that a wide lens is handed on. Raises CameraError when none or several
+    name the photo or no splat can carry the pose, PhotoError when the shapes differ, or a wide lens may not be cut.
     """
     wanted = camera_file(Path(bpy.path.abspath(path))).record_of(photo.file, Path(path).name)
     if isinstance(wanted, Unplaced):
-        lens = wanted.intrinsics and fit_lens(photo, wanted.intrinsics, wanted.pixel_order)
-        return replace(wanted, intrinsics=lens, pixel_order="upright")
+        return _unplaced(photo, wanted, may_cut)
     if not scene.gssmc.splat:
         raise CameraError(rpt_("The camera file's pose needs a splat to stand in; import the splat first."))
     camera_bridge.splat_similarity(scene.gssmc.splat)
-    found = fit_to_photo(photo, wanted.camera(guess_lens(photo).intrinsics, photo.orientation))
+    given = wanted.camera(guess_lens(photo).intrinsics, photo.orientation)
+    if may_cut and isinstance(given, WideCamera):
+        found: Camera = fit_wide_camera(photo, given)
+    else:
+        found = fit_to_photo(photo, given)
     return found.relative_to(splat_object.origin_of(scene.gssmc.splat))
+
+
+def _unplaced(photo: Photo, wanted: Unplaced, may_cut: bool) -> Unplaced:
+    """What the file knows of a camera without a pose, in the photo's upright pixels. Raises as `find_camera`."""
+    if wanted.wide is not None:
+        wide = fit_wide(photo, wanted.wide, wanted.pixel_order)
+        if not may_cut:
+            fit_to_photo(photo, WideCamera.of(wide, Pose()))
+        return replace(wanted, wide=wide, pixel_order="upright")
+    lens = wanted.intrinsics and fit_lens(photo, wanted.intrinsics, wanted.pixel_order)
+    return replace(wanted, intrinsics=lens, pixel_order="upright")
+
+
+def cut_photo(photo: Photo, given: Camera | Unplaced | None) -> tuple[Photo, Camera | Unplaced | None]:
+    """A photo of a wide lens as the pinhole picture of its middle, with the camera of that; any other as it is.
+
+    Raises PhotoError of a panorama.
+    """
+    lens = given.lens if isinstance(given, WideCamera) else given.wide if isinstance(given, Unplaced) else None
+    if given is None or lens is None:
+        return photo, given
+    made = central_photo(photo, lens)
+    k = made.cut.intrinsics
+    if isinstance(given, Unplaced):
+        return made.photo, replace(given, intrinsics=k, wide=None)
+    return made.photo, Camera(k, given.pose, given.file)
 
 
 CAMERA_ITEMS = (

@@ -142,12 +142,19 @@ def load_image(path: str, photo: Photo) -> bpy.types.Image:
     return image
 
 
+def load_cut(path: str, photo: Photo) -> bpy.types.Image:
+    """An image inside the .blend of a picture that was cut out of the photo in a file."""
+    return packed_copy(f"{Path(path).stem} cut", photo)
+
+
 def packed_copy(name: str, photo: Photo) -> bpy.types.Image:
-    """A new image inside the .blend with the photo's pixels."""
+    """A new image inside the .blend with the photo's pixels, transparent where its mask leaves them out."""
     height, width = photo.pixels.shape[:2]  # Blender loads a very large photo with fewer pixels than the file has.
     image = bpy.data.images.new(Path(name).stem + ".png", width, height)
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = photo.pixels[::-1].astype(np.float32) / 255  # Blender stores the bottom row first.
+    if photo.mask is not None:
+        pixels[..., 3] = photo.mask[::-1]
     image.pixels.foreach_set(pixels.ravel())
     image.file_format = "PNG"
     image.pack()

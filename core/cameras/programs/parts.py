@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ...errors import CameraError, DatasetError
 from ...geometry.camera import FloatArray, Intrinsics, Pose
 from ...geometry.foreign_lens import Lens, lens_of
+from ...geometry.wide_lens import WideLens
 from ..text import LARGEST
 from ..types import LensOfSize, PosedFrame, lens_of_file
 
@@ -45,7 +46,7 @@ def pose_of(where: str, rotation: ArrayLike, centre: ArrayLike) -> Pose:
 
 
 def with_lens(name: str, pose: Pose, lens: Lens) -> PosedFrame:
-    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture)
+    return PosedFrame(name, pose, lens.intrinsics, problem=lens.problem, is_picture=lens.is_picture, wide=lens.wide)
 
 
 def without_lens(name: str, pose: Pose) -> PosedFrame:
@@ -65,14 +66,15 @@ def lens_by_size(model: str, focal: float, values: Mapping[str, float], of_long_
     shift = values.get("cx", 0.0), values.get("cy", 0.0)
     others = {name: value for name, value in values.items() if name not in ("cx", "cy")}
 
-    def at(width: int, height: int) -> Intrinsics:
+    def at(width: int, height: int) -> Intrinsics | WideLens:
         long = max(width, height)
         f = focal * long if of_long_side else focal
         lens = foreign(
             model, Intrinsics(width, height, f, f, width / 2 + shift[0] * long, height / 2 + shift[1] * long), others
         )
-        if lens.intrinsics is None:
+        found = lens.intrinsics or lens.wide
+        if found is None:
             raise CameraError(f"The photo's lens cannot be used: {lens.problem}.")
-        return lens.intrinsics
+        return found
 
     return at

@@ -29,7 +29,7 @@ from ...support.words import counted
 from ..console import message, say
 from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
-from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome, has_camera
+from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome, has_camera, shown
 from ..paths import check_outputs
 from ..rounds import TO_FIND, Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
@@ -135,8 +135,9 @@ def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery],
     if args.poses is not None:
         tried = [camera for i, camera in zip(placed, cameras, strict=True) if "error" not in records[i]]
         pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
-    photos, masks = ([getattr(queries[i], name) for i in placed] for name in ("photo", "mask"))
-    return Outcome(code, args.scene, cameras, tuple(photos), masks=tuple(masks))
+    found = [shown(camera, queries[i].photo) for i, camera in zip(placed, cameras, strict=True)]
+    masks = tuple(queries[i].mask if photo else None for i, (_, photo) in zip(placed, found, strict=True))
+    return Outcome(code, args.scene, tuple(one[0] for one in found), tuple(one[1] for one in found), masks=masks)
 
 
 def _check_paths(args: argparse.Namespace, queries: Sequence[BatchQuery], settings: RefineSettings) -> None:

@@ -128,9 +128,9 @@ def _nerfstudio(path: Path, found: Sequence[StartCamera]) -> None:
 def _with_lenses(found: Sequence[StartCamera]) -> list[Camera]:
     out = []
     for number, start in enumerate(found, 1):
-        if start.intrinsics is None:
+        if start.intrinsics is None and start.wide is None:
             raise DatasetError(f"Camera {number} has no lens, which this layout needs; write --to json or --to poses.")
-        out.append(start.camera(start.intrinsics))
+        out.append(start.known_camera())
     return out
 
 

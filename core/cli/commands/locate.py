@@ -6,7 +6,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from ...batch.find_one import find_target, found_to_dict
+from ...batch.find_one import find_target, found_to_dict, whole_found
 from ...batch.place import into_file
 from ...batch.refine_one import read_masked_photo
 from ...cameras.files import StartCamera
@@ -19,7 +19,7 @@ from ..console import message
 from ..dropped import say_dropped
 from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
-from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..outcome import FAILED_VERDICT, OK, Outcome, shown
 from ..paths import check_outputs
 from ..result import put_result
 from .refine import mask_file, pick_wanted
@@ -61,17 +61,17 @@ def run(args: argparse.Namespace) -> Outcome:
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
-        found = find_with_progress(renderer, target, flags.cache(scene), settings)
+        found = whole_found(photo, find_with_progress(renderer, target, flags.cache(scene), settings), wanted)
     put_result(args.out, into_file(found_to_dict(found, wanted), scene.origin))
     if found.camera is None or found.refined is None:
         return Outcome(FAILED_VERDICT, args.scene)
-    camera = found.camera.relative_to([-value for value in scene.origin])
-    return Outcome(OK, args.scene, (camera,), (args.photo,), (found.refined,), (mask,))
+    camera, photo_file = shown(found.camera.relative_to([-value for value in scene.origin]), args.photo)
+    return Outcome(OK, args.scene, (camera,), (photo_file,), (found.refined,), (mask if photo_file else None,))
 
 
 def _say_lens(given: StartCamera | Unplaced, photo: Photo) -> None:
     """Tells what was assumed, and what was given for nothing."""
     if isinstance(given, StartCamera):
         message("The pose in the file of the lens is not used; `refine` begins at it.")
-    if given.intrinsics is None:
+    if given.tells_no_lens:
         message(f"The lens is not known: {guess_lens(photo).assumption}.")

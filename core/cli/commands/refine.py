@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...batch.find_one import find_target, found_to_dict, joined
+from ...batch.find_one import find_target, found_to_dict, joined, whole_found
 from ...batch.place import into_file, starts_in_scene
 from ...batch.refine_one import read_masked_photo, refine_starts
 from ...cameras import camera_file, short
@@ -17,9 +17,11 @@ from ...cameras.training_world import Axes, ScanAxes
 from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError, UsageError
 from ...geometry.camera import Camera
+from ...geometry.pinhole_cut import WideCamera
 from ...photos.lens_guess import guess_lens
 from ...photos.mask import find_mask
 from ...photos.photo import Photo
+from ...pictures.stmap import read_stmap, through_map
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...pose.settings import RefineSettings
@@ -30,10 +32,12 @@ from ..console import message
 from ..dropped import say_dropped
 from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
-from ..outcome import FAILED_VERDICT, OK, Outcome
+from ..outcome import FAILED_VERDICT, OK, Outcome, shown
 from ..paths import check_outputs
 from ..progress import ProgressBar
 from ..result import put_result
+
+STMAP_HELP = "an ST map that undistorts the photo; the camera is then that of the undistorted picture, without distortion"
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -43,6 +47,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     start = "the start: rough pose, and lens where known; without it, or without a pose in it, the photo is searched for"
     parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=f"{start}; {CAMERAS_HELP}")
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
+    parser.add_argument("--stmap", type=Path, metavar="MAP.exr", help=STMAP_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
     add_axes_flag(parser)
     add_map_flags(parser, switch=True)
@@ -58,27 +63,35 @@ def run(args: argparse.Namespace) -> Outcome:
         raise UsageError("There is no start to refine from; give it with --camera, or leave out --no-locate.")
     flags = MapFlags(args, settings.threads)
     photo = read_masked_photo(args.photo, mask)
+    if args.stmap is not None:
+        photo = through_map(photo, read_stmap(args.stmap), args.stmap.name)
     for remark in photo.notes:
         message(remark)
     told = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
     if isinstance(told, Unplaced) and not args.locate:
         raise CameraError(f"The camera in '{args.camera.name}' has no R and t; give a start, or leave out --no-locate.")
     wanted = wanted_camera(told, photo)
+    if args.stmap is not None:
+        wanted = straight(wanted)
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
+    if args.stmap is not None:
+        placed.record["stmap"] = str(args.stmap)
     put_result(args.out, placed.record)
     code = FAILED_VERDICT if placed.record["verdict"] == "failed" else OK
     if placed.report is None:
         return Outcome(code, args.scene)
-    camera = placed.report.camera.relative_to([-value for value in scene.origin])
-    return Outcome(code, args.scene, (camera,), (args.photo,), (placed.report,), (mask,))
+    camera, photo_file = shown(placed.report.camera.relative_to([-value for value in scene.origin]), args.photo)
+    photo_file = None if args.stmap else photo_file
+    return Outcome(code, args.scene, (camera,), (photo_file,), (placed.report,), (mask if photo_file else None,))
 
 
 def _check_paths(args: argparse.Namespace, settings: RefineSettings, mask: Path | None) -> None:
     models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
     inputs = {"the scan": args.scene, "the photo": args.photo, "the start": args.camera, "the mask": mask, "a model": models}
+    inputs["the ST map"] = args.stmap
     check_outputs(
         {"--out": args.out, "--map": args.map},
         {**inputs, "the known cameras": args.cameras},
@@ -116,7 +129,8 @@ class Placing:
         for sentence in told:
             message(sentence)
         first = Placed(report_to_dict(report), report)
-        if report.verdict != "failed" or self._flags is None:
+        whole_view = isinstance(wanted, WideCamera) and wanted.lens.is_panorama
+        if report.verdict != "failed" or self._flags is None or whole_view:
             return first
         message("The refinement from the start failed; the photo is searched for without it.")
         found = self._find(photo, Unplaced.of(wanted))
@@ -127,6 +141,7 @@ class Placing:
         assert self._flags is not None
         target = find_target(photo, wanted)
         found = find_with_progress(self._renderer, target, self._flags.cache(self._scene), self._settings)
+        found = whole_found(photo, found, wanted)
         return Placed(found_to_dict(found, wanted), None if found.camera is None else found.refined)
 
 
@@ -152,6 +167,16 @@ def wanted_camera(wanted: StartCamera | Unplaced, photo: Photo) -> Camera | Unpl
     if isinstance(wanted, Unplaced):
         return replace(wanted.with_guess(guess.intrinsics), file=photo.file)
     return replace(wanted.camera(guess.intrinsics, photo.orientation), file=photo.file)
+
+
+def straight(wanted: Camera | Unplaced) -> Camera | Unplaced:
+    """What is known of the camera of an undistorted picture: no distortion, for the map takes it away. Raises CameraError."""
+    if isinstance(wanted, WideCamera) or (isinstance(wanted, Unplaced) and wanted.wide is not None):
+        raise CameraError("The camera's lens is that of the photo, not of the undistorted picture; give the pinhole of that.")
+    if wanted.intrinsics is None or not wanted.intrinsics.has_distortion:
+        return wanted
+    message("The distortion in the camera file is left out, because the ST map undistorts the photo.")
+    return replace(wanted, intrinsics=wanted.intrinsics.pinhole())
 
 
 def pick_wanted(file: Path, photo: Path) -> StartCamera | Unplaced:

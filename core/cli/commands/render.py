@@ -75,13 +75,16 @@ def _cameras(path: Path) -> list[Camera]:
     found = starts(path)
     for note in found.notes:
         message(note)
-    without = [position for position, start in enumerate(found.placed, 1) if start.intrinsics is None]
+    without = [at for at, start in enumerate(found.placed, 1) if start.intrinsics is None and start.wide is None]
     if without:
         sentence = f"Camera {without[0]} of '{path.name}' has no lens of a known size; give width, height, fx and fy."
         if len(without) == len(found.placed):
             raise CameraError(sentence)
         message(f"Left out: {len(without)} of {counted(len(found.placed), 'camera')}. {sentence}")
-    return [start.camera(start.intrinsics) for start in found.placed if start.intrinsics is not None]
+    wide = sum(start.wide is not None for start in found.placed)
+    if wide:
+        message(f"The middle of the view is drawn, as a pinhole, for {counted(wide, 'camera')} with a wider lens.")
+    return [start.known_camera() for start in found.placed if start.intrinsics is not None or start.wide is not None]
 
 
 def _check_paths(args: argparse.Namespace, cameras: Sequence[Camera], names: Sequence[str]) -> None:

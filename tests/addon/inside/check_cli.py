@@ -91,6 +91,26 @@ def test_batch_saves_a_camera_for_each_photo(bpy, main, files):
     assert [len(c.data.background_images) for c in cameras(bpy)] == [1, 0]
 
 
+@pytest.mark.parametrize("command", ["refine", "batch"])
+def test_of_a_wide_lens_the_pinhole_of_the_middle_is_saved(bpy, main, files, command):
+    """The photo does not lie behind it, for Blender would show the fisheye's picture on a pinhole."""
+    lens = {"camera_model": "OPENCV_FISHEYE", "width": 60, "height": 90, "fx": 30, "fy": 30, "cx": 30, "cy": 45}
+    start = {**lens, "file": "a.png", "R": np.eye(3).tolist(), "t": [0, 0, 6.0]}
+    (files / "wide.json").write_text(json.dumps({"frames": [start]}))
+    out = {"refine": [files / "a.png", "--camera", files / "wide.json"], "batch": [files / "wide.json", "--workers", "1"]}
+    arguments = [command, files / "scan.ply", *out[command], "--no-locate", "--out", files / "result.json"]
+    assert main([str(a) for a in [*arguments, "--blend", files / "out.blend", "--up", "z-up"]]) == 3
+    bpy.ops.wm.open_mainfile(filepath=str(files / "out.blend"))
+    (camera,) = cameras(bpy)
+    assert camera.data.gssmc.verdict == "FAILED" and not camera.data.background_images
+    np.testing.assert_allclose(camera.matrix_world.translation, (0, 0, -6), atol=1e-5)
+    render = bpy.context.scene.render
+    # A fisheye of 30 pixels a radian shows a radian to each side, of which the cut takes 50 degrees.
+    assert (render.resolution_x, render.resolution_y) == (int(60 * np.tan(np.radians(50))),) * 2
+    record = json.loads((files / "result.json").read_text())
+    assert (record["frames"][0] if command == "batch" else record)["camera_model"] == "OPENCV_FISHEYE"
+
+
 def test_render_saves_its_cameras(bpy, main, files):
     code = main(
         [

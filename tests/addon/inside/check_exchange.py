@@ -205,6 +205,25 @@ def test_a_binary_colmap_model_comes_in_by_any_of_its_files(bpy, scene, tmp_path
     np.testing.assert_allclose(centre, (-0.5, -0.25, -2), atol=1e-5)
 
 
+def test_cameras_of_wide_lenses_show_the_middle_of_their_view(bpy, scene, tmp_path, capfd):
+    write_photo(tmp_path / "a.png", 600, 400)
+    lens = {"camera_model": "OPENCV_FISHEYE", "width": 600, "height": 400, "fx": 220, "fy": 220, "cx": 300, "cy": 200}
+    around = {"camera_model": "EQUIRECTANGULAR", "width": 200, "height": 100}
+    pose = {"R": np.eye(3).tolist(), "t": [0.5, 0.25, 2.0]}
+    frames = [{**lens, **pose, "file": "a.png"}, {**around, **pose, "file": "a.png"}]
+    (tmp_path / "p.json").write_text(json.dumps({"frames": frames}))
+    bpy.ops.gssmc.import_cameras(filepath=str(tmp_path / "p.json"), set_resolution=True)
+    (camera,) = [o for o in scene.objects if o.type == "CAMERA"]
+    assert camera.data.gssmc.photo is None
+    width = scene.render.resolution_x
+    assert width == pytest.approx(2 * 220 * np.tan(np.radians(50)), abs=2)
+    assert camera.data.lens / camera.data.sensor_width * width == pytest.approx(220, rel=1e-3)
+    centre = scene.gssmc.splat.matrix_world.inverted() @ camera.matrix_world.translation
+    np.testing.assert_allclose(centre, (-0.5, -0.25, -2), atol=1e-5)
+    told = capfd.readouterr().out
+    assert "1 camera of a wide lens shows the middle of its view, without the photo; Add Photo cuts that." in told
+
+
 def test_photos_are_not_decoded_but_for_those_that_must_be_turned(bpy, scene, tmp_path):
     """Decoding takes a tenth of a second per photo, and its pixels stay in memory."""
     write_photo(tmp_path / "a.jpg", 60, 90)

@@ -183,6 +183,59 @@ def test_a_camera_file_that_does_not_fit_changes_nothing(bpy, tmp_path, splat_fi
     assert bpy.context.scene.camera is None
 
 
+@pytest.mark.parametrize("codec", ["NONE", "ZIP", "RLE"])
+def test_st_maps_are_openexr_as_blender_has_it(bpy, extension, tmp_path, codec):
+    """Blender reads what the engine writes, and the engine what Blender writes."""
+    exr = extension("core.pictures.exr")
+    rows = np.random.default_rng(0).random((20, 31, 2)).astype(np.float32)
+    exr.write_exr(tmp_path / "ours.exr", {"R": rows[..., 0], "G": rows[..., 1]})
+    image = bpy.data.images.load(str(tmp_path / "ours.exr"))
+    np.testing.assert_array_equal(np.array(image.pixels[:]).reshape(20, 31, 4)[::-1, :, :2].astype(np.float32), rows)
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format, settings.color_mode, settings.color_depth, settings.exr_codec = "OPEN_EXR", "RGB", "32", codec
+    image.save_render(str(tmp_path / "blender.exr"), scene=bpy.context.scene)
+    back = exr.read_exr(tmp_path / "blender.exr")
+    np.testing.assert_array_equal(np.stack([back["R"], back["G"]], axis=-1), rows)
+
+
+WIDE = {"camera_model": "OPENCV_FISHEYE", "width": 600, "height": 400, "fx": 220.0, "fy": 220.0, "cx": 300.0, "cy": 200.0}
+
+
+def test_a_photo_of_a_wide_lens_is_cut(bpy, extension, tmp_path, splat_file, capfd):
+    """Behind the camera lies the pinhole picture of the photo's middle, at the photo's own pose, and it is what is refined."""
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file), orientation="Z_UP")
+    photo = write_photo(tmp_path / "a.png", 600, 400)
+    cameras = write_cameras(tmp_path / "cameras.json", **WIDE, coefficients={"k1": 0.01}, dist=None)
+    assert bpy.ops.gssmc.add_photo(filepath=str(photo), camera_file=str(cameras), set_resolution=True) == {"FINISHED"}
+    assert "The photo is used through a pinhole cut of 100 degrees out of its lens OPENCV_FISHEYE." in capfd.readouterr().out
+    camera = bpy.context.scene.camera
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(np.array(camera.matrix_world)[:3, 3], (-0.5, -0.25, -2.0), atol=1e-6)
+    (background,) = camera.data.background_images
+    image = background.image
+    width = round(2 * 220 * np.tan(np.radians(50)))
+    assert image == camera.data.gssmc.photo and image.packed_file and image.size[0] == pytest.approx(width, abs=2)
+    assert focal_px(camera, *image.size) == pytest.approx(220, rel=1e-3) and camera.data.gssmc.k1 == 0
+    assert camera.data.gssmc.lens_state == "CALIBRATED"
+    source = extension("gssmc_addon.photo.image").photo_source(image).read()
+    cuts, lenses = extension("core.photos.wide.cut"), extension("core.geometry.wide_lens")
+    size, lengths = (600, 400), (220.0, 220.0, 300.0, 200.0)
+    lens = lenses.WideLens("OPENCV_FISHEYE", *size, *lengths, (("k1", 0.01),))
+    true = cuts.central_photo(extension("core.photos.photo").read_photo(str(photo)), lens).photo
+    assert np.abs(source.pixels.astype(int) - true.pixels).max() <= 1
+    assert (source.mask is None) == (true.mask is None)
+
+
+def test_a_panorama_is_refused_with_what_to_do(bpy, tmp_path, splat_file):
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    photo = write_photo(tmp_path / "a.png", 200, 100)
+    panorama = {"camera_model": "EQUIRECTANGULAR", "width": 200, "height": 100}
+    cameras, before = write_cameras(tmp_path / "cameras.json", **panorama), counts(bpy)
+    with pytest.raises(RuntimeError, match=r"'a\.png' is a panorama, which the command 'refine' places"):
+        bpy.ops.gssmc.add_photo(filepath=str(photo), camera_file=str(cameras))
+    assert counts(bpy) == before
+
+
 def test_a_camera_file_without_a_splat_changes_nothing(bpy, tmp_path):
     photo, cameras = write_photo(tmp_path / "a.png"), write_cameras(tmp_path / "cameras.json")
     before = counts(bpy)

@@ -14,6 +14,7 @@ from core.geometry.camera import Intrinsics, Pose
 from core.geometry.foreign_lens import MODELS as FORMULAS
 from core.geometry.foreign_lens import lens_of
 from core.geometry.turned_photo import upright_lens
+from core.geometry.wide_lens import WideLens
 
 # Where pycolmap 4.2.1 puts points x/z, y/z on a picture of 1280 x 720 pixels, by its camera models' parameters.
 POINTS = (
@@ -82,7 +83,9 @@ def test_the_five_coefficients_say_it_within_what_is_told(model):
     inside = (true > 0).all(axis=1) & (true < SIZE).all(axis=1)
     if lens.intrinsics is None:
         assert model in {"THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE"}
-        assert "pixels off with k1 k2 p1 p2 k3, and is left out; undistort" in lens.problem
+        assert "pixels off with k1 k2 p1 p2 k3: its photo is matched through" in lens.problem
+        ahead = lens.wide.project(np.column_stack([rays, np.ones(len(rays))]))
+        np.testing.assert_allclose(ahead[inside], true[inside], atol=1e-9)
         return
     off = np.abs(lens.intrinsics.project(np.column_stack([rays, np.ones(len(rays))]))[inside] - true[inside]).max()
     assert off < 5e-4 * 1280
@@ -96,8 +99,10 @@ def test_what_is_no_lens_is_named():
     assert "sees more than 120 degrees" in lens_of("FISHEYE", k, {}).problem
     assert "is not known" in lens_of("MEI", k, {}).problem
     assert "not finite" in lens_of("FOV", k, {"omega": float("nan")}).problem
-    panorama = lens_of("EQUIRECTANGULAR", k, {})
-    assert not panorama.is_picture and "no picture through a lens" in panorama.problem
+    panorama = lens_of("SPHERICAL", Intrinsics(1280, 640, 1, 1, 0, 0), {})
+    assert panorama.wide.is_panorama and "no picture through a lens" in panorama.problem
+    assert "twice as wide as high" in lens_of("EQUIRECTANGULAR", k, {}).problem
+    assert not lens_of("ORTHOPHOTO", k, {}).is_picture
 
 
 def test_every_model_of_colmap_has_its_parameters():
@@ -107,13 +112,13 @@ def test_every_model_of_colmap_has_its_parameters():
 
 
 def test_binary_models_of_today_are_read(tmp_path):
-    cameras = [(1, 12, *SIZE, 900, 640, 350, -0.1), (2, 16, *SIZE, 900, 905, 640, 350, 0.6, 1.1), (3, 17, *SIZE, 1280, 720)]
+    cameras = [(1, 12, *SIZE, 900, 640, 350, -0.1), (2, 16, *SIZE, 900, 905, 640, 350, 0.6, 1.1), (3, 17, 1280, 640, 1280, 640)]
     put(tmp_path / "sparse/0/cameras.bin", binary_cameras(cameras))
     put(tmp_path / "sparse/0/images.bin", binary_images(["a.png", "b.png", "c.png"]))
     found = datasets.starts(tmp_path)
-    assert [start.file for start in found.placed] == ["a.png", "b.png"]
+    assert [start.file for start in found.placed] == ["a.png", "b.png", "c.png"]
     assert found.placed[0].intrinsics.dist[0] == pytest.approx(-0.1, abs=0.01)
-    assert any("EQUIRECTANGULAR is no picture through a lens and is left out" in note for note in found.notes)
+    assert found.placed[2].intrinsics is None and found.placed[2].wide == WideLens.panorama(1280, 640)
 
 
 # ---- transforms.json
@@ -167,9 +172,12 @@ def test_a_fisheye_is_no_pinhole(tmp_path):
     assert found.placed[0].intrinsics.dist[0] == pytest.approx(-0.31, abs=0.02)  # atan(r) = r (1 - r^2 / 3 + ...), and k1
     wide = transforms(tmp_path, camera_model="OPENCV_FISHEYE", fl_x=200, fl_y=200)
     assert wide.placed[0].intrinsics is None
-    words = "the lens OPENCV_FISHEYE sees more than 120 degrees and is left out; undistort the photo."
-    assert wide.notes == (f"1 camera of 'transforms.json': {words}",)
-    with pytest.raises(DatasetError, match="EQUIRECTANGULAR is no picture through a lens"):
+    assert wide.placed[0].wide == WideLens("OPENCV_FISHEYE", 640, 480, 200, 200, 321, 239.5, (("k1", 0.1),))
+    assert wide.notes[0].startswith(
+        "1 camera of 'transforms.json': the lens OPENCV_FISHEYE sees more than 120 degrees: its photo"
+    )
+    assert transforms(tmp_path, camera_model="EQUIRECTANGULAR", w=800, h=400).placed[0].wide == WideLens.panorama(800, 400)
+    with pytest.raises(DatasetError, match="twice as wide as high"):
         transforms(tmp_path, camera_model="EQUIRECTANGULAR")
     (long,) = transforms(tmp_path, k4=0.01).placed
     true = Pose().transform([[0.3, 0.2, 1.0]])

@@ -132,7 +132,7 @@ def test_lenses_of_other_kinds_are_used_or_named(tmp_path):
     ray = np.array([[0.2, 0.1, 1.0]])
     at = np.arctan(np.hypot(0.2, 0.1)) / np.hypot(0.2, 0.1) * np.array([0.2, 0.1]) * 900 + (321.5, 237.5)
     np.testing.assert_allclose(fisheye.project(ray)[0], at, atol=0.05)
-    with pytest.raises(DatasetError, match="EQUIRECTANGULAR is no picture through a lens"):
+    with pytest.raises(DatasetError, match="The panorama has 640 x 480 pixels, but all around it is twice as wide as high"):
         datasets.starts(metashape(tmp_path, "spherical"))
     old = datasets.starts(meshroom(tmp_path, pxFocalLength=500, principalPoint=["321.5", "237.5"])).placed[0].intrinsics
     assert (old.fx, old.cx, old.cy) == (500, 321.5, 237.5)

@@ -70,8 +70,12 @@ def test_what_is_left_out_is_said(tmp_path, capsys):
     frame = {"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}
     file = tmp_path / "transforms.json"
     file.write_text(json.dumps({"camera_model": "OPENCV_FISHEYE", "w": 64, "h": 48, "fl_x": 20, "frames": [frame]}))
-    assert pick_wanted(file, Path("a.png")).tells_no_lens
-    assert "sees more than 120 degrees and is left out" in capsys.readouterr().err
+    assert pick_wanted(file, Path("a.png")).wide.model == "OPENCV_FISHEYE"
+    assert "sees more than 120 degrees: its photo is matched through pinhole cuts of it." in capsys.readouterr().err
+    (middle,) = _cameras(file)
+    assert middle.intrinsics.fx == pytest.approx(20) and not middle.intrinsics.has_distortion
+    assert "The middle of the view is drawn" in capsys.readouterr().err
+    file.write_text(json.dumps({"camera_model": "MEI", "w": 64, "h": 48, "fl_x": 20, "frames": [frame]}))
     with pytest.raises(CameraError, match=r"Camera 1 of 'transforms.json' has no lens of a known size"):
         _cameras(file)
 

@@ -1,0 +1,1 @@
+"""Photos of wide lenses, cut into pinhole pictures."""
