@@ -49,8 +49,8 @@ TRUSTED_DISAGREEMENT_DEG = 0.4
 # Per cent of the median depth.
 TRUSTED_STD_PCT = 0.5
 TRUSTED_FOCAL_STD_PCT = 1.0
-# The matches must make a lens that was given at least e^7 times likelier than another one that would move the camera.
-TRUSTED_LENS_LOG_ODDS = -7.0
+# The matches must make a lens that was given at least e^10 times likelier than another one that would move the camera.
+TRUSTED_LENS_LOG_ODDS = -10.0
 
 
 @dataclass(frozen=True)

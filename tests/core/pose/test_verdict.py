@@ -143,7 +143,8 @@ def test_each_doubt_has_its_sentence(name):
     [
         (40.0, 1.2, 0.1, "does not fit the photo: with another one, which fits better, the camera would stand 1.2 %"),
         (-2.0, 0.1, 0.5, "do not tell the lens from another one, with which the camera would stand 0.10 %"),
-        (-9.0, 1.2, 0.5, ""),
+        (-11.0, 1.2, 0.5, ""),
+        (-9.0, 1.2, 0.5, "do not tell the lens"),
         (40.0, 0.2, 0.1, ""),
         (math.nan, 1.2, 0.1, "do not tell the lens"),
     ],
