@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ..batch.refine_one import read_masked_photo, refine_photo
+from ..batch.refine_one import refine_photo
 from ..cameras.training_world import Axes
 from ..cameras.unplaced import Unplaced
 from ..errors import RefineError, UsageError
 from ..geometry.camera import Camera, Pose
-from ..photos.mask import find_mask
+from ..photos.mask import find_mask, masked
 from ..photos.photo import Photo
 from ..photos.plate import Plate
 from ..pose.settings import RefineSettings
@@ -36,14 +36,18 @@ class PlateFrames:
         return str(self.plate.file(frame))
 
     def read(self, frame: int) -> Photo:
-        photo = self.plate.read(frame)
-        mask = None if self.masks is None else find_mask(self.masks, self.plate.file(frame))
-        return photo if mask is None else read_masked_photo(self.plate.file(frame), mask)
+        photo, mask = self.plate.read(frame), self.mask(frame)
+        return photo if mask is None else masked(photo, mask)
+
+    def mask(self, frame: int) -> Path | None:
+        """The file of the frame's mask; None where there is none."""
+        return None if self.masks is None else find_mask(self.masks, self.plate.file(frame))
 
 
 @dataclass(frozen=True)
 class ShotWork:
-    """What every step needs. `flags` None: no frame is searched for in the scan's map; `axes`: those of starts."""
+    """What every step needs. `flags` None: no frame is searched for in the scan's map; `axes`: those of starts; `doubts`:
+    why starts are not trusted."""
 
     scene: GaussianScene
     renderer: ProcessRenderer
@@ -51,6 +55,7 @@ class ShotWork:
     frames: PlateFrames
     flags: MapFlags | None
     axes: Axes = "auto"
+    doubts: list[str] = field(default_factory=list)
 
     def starts(self, frames: Sequence[int], files: Mapping[int, Path]) -> dict[int, Camera]:
         """Solved cameras to begin with, in the scene's coordinates. Raises RefineError where there are none."""
@@ -74,7 +79,10 @@ class ShotWork:
         placed = Placing(self.renderer, self.scene, self.settings, self.flags).place(photo, wanted, self.axes)
         if placed.report is None or placed.record["verdict"] == "failed":
             raise RefineError(f"Frame {frame} was not placed: {placed.record['reasons'][0]}")
-        message(f"Frame {frame}: {placed.record['verdict']}. {placed.record['reasons'][0]}")
+        verdict, reason = placed.record["verdict"], placed.record["reasons"][0]
+        message(f"The start, frame {frame}, by itself: {verdict}. {reason}")
+        if verdict != "trusted":
+            self.doubts.append(f"The camera of frame {frame}, which the tracking began at, is to be checked: {reason}")
         # A lens that was guessed is solved for once more, from all frames.
         guessed = self.settings.lens == "full" or (self.settings.lens != "fixed" and placed.report.start.focal_guessed)
         return replace(placed.report.camera, focal_guessed=guessed)

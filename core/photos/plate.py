@@ -53,7 +53,7 @@ def open_plate(path: str | Path) -> tuple[Plate, int, int]:
     if not path.is_file():
         raise PhotoError(f"There is no file at '{path}'; choose a movie, or an image of a numbered sequence.")
     count = _movie_frames(path)
-    if count > 1:
+    if count > 0:
         return Plate(path, True), 1, count
     plate = Plate(path, False)
     found = DIGITS.search(path.stem)
@@ -65,6 +65,17 @@ def open_plate(path: str | Path) -> tuple[Plate, int, int]:
     while plate.file(last + 1).is_file():
         last += 1
     return plate, first, last
+
+
+def behind_gaps(plate: Plate, first: int, last: int) -> list[int]:
+    """The numbers of a sequence's files before `first` or behind `last`, from which a missing file parts them."""
+    found = DIGITS.search(plate.path.stem)
+    if plate.is_movie or found is None:
+        return []
+    start, end = plate.path.stem[: found.start()], plate.path.stem[found.end() :] + plate.path.suffix
+    names = (file.name for file in plate.path.parent.iterdir() if file.name.startswith(start) and file.name.endswith(end))
+    numbers = (name[len(start) : len(name) - len(end)] for name in names)
+    return sorted(n for n in (int(text) for text in numbers if text.isdigit()) if not first <= n <= last)
 
 
 def _movie_frames(path: Path) -> int:

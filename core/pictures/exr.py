@@ -32,7 +32,7 @@ MOST_UNPACKED = 1100
 
 
 @dataclass(frozen=True)
-class _Header:
+class _ExrHeader:
     """What of a file's header is needed; `channels` are (name, pixel type) in the file's order, `at` is where it ends."""
 
     channels: tuple[tuple[str, int], ...]
@@ -92,7 +92,7 @@ class _UnreadError(ValueError):
     """What is wrong with a file, as the second half of a sentence."""
 
 
-def _header(data: bytes) -> _Header:
+def _header(data: bytes) -> _ExrHeader:
     if data[:4] != MAGIC:
         raise _UnreadError("is no OpenEXR file; give one")
     flags = struct.unpack_from("<i", data, 4)[0]
@@ -118,7 +118,7 @@ def _header(data: bytes) -> _Header:
     channels = tuple(_channels(found["channels"]))
     if not 0 < len(channels) <= MAX_CHANNELS:
         raise _UnreadError(f"has {len(channels)} channels; write the wanted ones alone")
-    return _Header(channels, compression, boxes[0], boxes[1], at + 1)
+    return _ExrHeader(channels, compression, boxes[0], boxes[1], at + 1)
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
@@ -138,7 +138,7 @@ def _channels(data: bytes) -> list[tuple[str, int]]:
     return out
 
 
-def _pixels(data: bytes, header: _Header) -> dict[str, Channel]:
+def _pixels(data: bytes, header: _ExrHeader) -> dict[str, Channel]:
     left, top, right, bottom = header.data
     width, height = right - left + 1, bottom - top + 1
     rows = ROWS_IN_CHUNK[header.compression]
@@ -159,7 +159,7 @@ def _pixels(data: bytes, header: _Header) -> dict[str, Channel]:
     return {name: _displayed(whole[name].astype(np.float32), header) for name, _ in header.channels}
 
 
-def _displayed(channel: Channel, header: _Header) -> Channel:
+def _displayed(channel: Channel, header: _ExrHeader) -> Channel:
     """The channel of the data window, in the display window."""
     (left, top, right, bottom), (dl, dt, dr, db) = header.display, header.data
     out = np.full((bottom - top + 1, right - left + 1), np.nan, np.float32)

@@ -56,7 +56,8 @@ class ViewProjection:
         self.tile_rows = -(-k.height // TILE)
         self.R, self.R32 = pose.R, pose.R.astype(np.float32)
         self.t = (pose.R @ tables.origin + pose.t)[:, None]
-        self.centre = (pose.centre - tables.origin).astype(np.float32)
+        with np.errstate(over="ignore"):
+            self.centre = (pose.centre - tables.origin).astype(np.float32)
         f, middle, half = (np.array(a)[:, None] for a in ((k.fx, k.fy), (k.cx, k.cy), (0.5 * k.width, 0.5 * k.height)))
         low, high = -middle / f, (2 * half - middle) / f
         margin = c.JACOBIAN_MARGIN * half / f
@@ -100,7 +101,8 @@ def project_chunk(tables: SceneTables, view: ViewProjection, part: slice, splats
     """Project the Gaussians of `part` into their room, all but the colour; which of them (n,) fill its first n slots."""
     exact = view.R @ tables.means[:, part].astype(np.float64)
     exact += view.t
-    points: Float32Array = exact.astype(np.float32)
+    with np.errstate(over="ignore"):  # a camera so far away sees nothing
+        points: Float32Array = exact.astype(np.float32)
     index = _cull(points, tables.reach[part], view)
     splats.first[part], splats.last[part] = 0, -1
     if len(index):

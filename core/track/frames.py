@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from ..errors import PhotoError
 from ..features.subpixel import LK_CRITERIA, normalise_locally
 from ..geometry.camera import FloatArray, Intrinsics, Pose
 from ..geometry.conventions import from_opencv_pixels, to_opencv_pixels
@@ -79,6 +80,10 @@ class FrameMatcher:
     long_side_px: int
 
     def working(self, photo: Photo) -> WorkingPhoto:
+        """The frame as it is matched. Raises PhotoError where it is not of the size of the others."""
+        if (photo.width, photo.height) != (self.lens.width, self.lens.height):
+            size = f"{self.lens.width} x {self.lens.height}"
+            raise PhotoError(f"The frame has {photo.width} x {photo.height} pixels and the others {size}; give them one size.")
         return WorkingPhoto.of(photo, self.lens, self.long_side_px)
 
     def link(self, before: SolvedFrame, photo: WorkingPhoto, guess: Pose) -> Carried | None:

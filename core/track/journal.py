@@ -45,6 +45,17 @@ def write_found(path: Path, found: PartialTrack, key: str) -> None:
         np.savez(file, **arrays)  # type: ignore[arg-type]
 
 
+def is_other_file(path: Path) -> bool:
+    """Whether there is a file at `path` that is no journal of a track."""
+    if not path.exists():
+        return False
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return "format" not in json.loads(arrays["head"].tobytes())
+    except READ_ERRORS:
+        return True
+
+
 def read_found(path: Path, key: str) -> PartialTrack:
     """What an earlier track found under the same `key`; empty where there is none, or the file is of something else."""
     try:

@@ -37,13 +37,15 @@ Tracking = Generator[TrackProgress, None, Track]
 @dataclass(frozen=True, eq=False)
 class Shot:
     """A plate: `read` gives the frame of a number, `frames` are the numbers to track, in order; `recover` finds a frame anew
-    behind a gap, None where it is not to be tried; `name` gives the file of a frame.
+    behind a gap, None where it is not to be tried; `name` gives the file of a frame. `doubt`: why the cameras of the starts are
+    not trusted, "" where they are; no frame is called good then, for all are tracked from these.
     """
 
     read: ReadFrame
     frames: Sequence[int]
     recover: Recover | None = None
     name: Callable[[int], str] = "".format
+    doubt: str = ""
 
 
 def iterate_track(
@@ -139,6 +141,8 @@ class _Ending:
         poses, depth = self._poses(), median(tie.median_depth for tie in self.found.ties.values())
         frames = tuple(self._frame(frame, poses[frame]) for frame in self.shot.frames)
         verdict, reasons = _judge(frames)
+        if self.shot.doubt:
+            verdict, reasons = "failed" if verdict == "failed" else "check", (self.shot.doubt, *reasons)
         numbers: tuple[LensNumber, ...] = ()
         if self.solution.lens_std.any():
             numbers = shared_numbers(self.lens, self.solution.lens_std)
@@ -171,6 +175,8 @@ class _Ending:
         scale = size / min(size, self.settings.long_side_px)
         rms = scale * self.solution.rms_px[frame]
         state, reason = _state(rms * min(1.0, LONG_SIDE_PX / size), tie)
+        if state == "good" and self.shot.doubt:
+            state, reason = "weak", "The camera that it was tracked from is not trusted."
         return TrackedFrame(frame, camera, state, reason, tie.evidence.matches, rms)
 
 
@@ -189,10 +195,10 @@ def _state(rms_px: float, tie: Tie) -> tuple[FrameState, str]:
 def _judge(frames: Sequence[TrackedFrame]) -> tuple[Verdict, tuple[str, ...]]:
     """The verdict on every frame that there is, in words."""
     count = {state: sum(f.state == state for f in frames) for state in ("good", "weak", "lost")}
-    said = f"{count['good']} of {counted(len(frames), 'frame')} sit on the splat and are held well"
-    more = [f"{count['weak']} are held loosely"] if count["weak"] else []
-    more += [f"{count['lost']} are not tied to the splat and lie on the path of the others"] if count["lost"] else []
-    sentence = ", ".join([said, *more]) + "."
+    said = f"Held well: {count['good']} of {counted(len(frames), 'frame')}"
+    more = [f"held loosely: {count['weak']}"] if count["weak"] else []
+    more += [f"not tied to the splat, on the path of the others: {count['lost']}"] if count["lost"] else []
+    sentence = "; ".join([said, *more]) + "."
     if len(frames) - count["lost"] < FAILED_SHARE * len(frames):
         return "failed", (f"Fewer than half of the frames could be tied to the splat. {sentence}",)
     trusted = count["good"] >= TRUSTED_SHARE * len(frames) and not count["lost"]

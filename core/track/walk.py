@@ -17,6 +17,7 @@ from ..geometry.camera import Pose
 from ..geometry.lie import se3_exp, se3_log
 from ..photos.photo import Photo
 from ..pose.final.solution import deviations
+from ..pose.shared.lens import CameraUnknowns
 from .evidence import XI, Evidence, evidence_of
 from .frames import FrameMatcher, ReadFrame, SolvedFrame
 from .shot import Link
@@ -74,13 +75,15 @@ class Walk:
         """Solves `frames` one after the other, from `before`, the solved frame `at`; yields each number when it is done. Those
         that were found or lost before are passed over.
         """
-        known = [f for f in frames if f in self.found.ties or f in self.found.lost]
-        tied = [f for f in known if f in self.found.ties]
-        if tied and (again := self.first(tied[-1], self.found.ties[tied[-1]].pose)) is not None:
-            before, at = again, tied[-1]
-        frames = [f for f in frames if f not in known]
         step, last_at, gap = _Motion(), at, 0
         step.note(at, before.pose)
+        known = [f for f in frames if f in self.found.ties or f in self.found.lost]
+        tied = [f for f in known if f in self.found.ties]
+        if tied and (again := self.again(tied[-1])) is not None:
+            before, last_at = again, tied[-1]
+            for earlier in tied[-2:]:
+                step.note(earlier, self.found.ties[earlier].pose)
+        frames = [f for f in frames if f not in known]
         wanted = 1
         for frame in frames:
             solved = self._next(before, last_at, frame, step)
@@ -101,10 +104,24 @@ class Walk:
 
     def first(self, frame: int, guess: Pose) -> SolvedFrame | None:
         """The frame tied to the splat from a start; None where too little holds it, which is noted."""
+        if frame in self.found.ties:
+            return self.again(frame)
         solved = self._solve(frame, guess)
         if solved is not None:
             self.found.add(frame, solved)
         return solved
+
+    def again(self, frame: int) -> SolvedFrame | None:
+        """A frame that was found before, with the corners that hold it, at the pose that it was found at."""
+        pose = self.found.ties[frame].pose
+        try:
+            solved = self.matcher.solve(self.matcher.working(self.read(frame)), pose)
+        except GssmcError:
+            return None
+        if solved is None:
+            return None
+        camera = CameraUnknowns(pose, solved.fit.camera.intrinsics)
+        return replace(solved, fit=replace(solved.fit, camera=camera))
 
     def _next(self, before: SolvedFrame, at: int, frame: int, motion: _Motion) -> SolvedFrame | None:
         try:

@@ -96,7 +96,8 @@ class TrackJob(Job):
         if self._start is None or not self.join(JOIN_S) or len(self.found.ties) < 2:
             return None
         low, high = min(self.found.ties), max(self.found.ties)
-        shot = Shot(self._read, range(low, high + 1))
+        first = self.reports[self.frame]
+        shot = Shot(self._read, range(low, high + 1), doubt="" if first.verdict == "trusted" else first.reasons[0])
         return track_of(shot, self._start, self.options.settings, self.found, time.perf_counter() - self._began)
 
     def _source(self, frame: int) -> PhotoSource:
@@ -116,7 +117,8 @@ class TrackJob(Job):
         # A lens that was guessed is solved for once more, from all frames.
         self._start = replace(report.camera, focal_guessed=report.start.focal_guessed and self._settings.lens != "fixed")
         frames = range(self.options.start, self.options.end + 1)
-        shot = Shot(self._read, frames, self._recovered)
+        doubt = "" if report.verdict == "trusted" else report.reasons[0]
+        shot = Shot(self._read, frames, self._recovered, doubt=doubt)
         renderer = self._renderer.get()
         return (yield from iterate_track(renderer, shot, {self.frame: self._start}, self.options.settings, self.found))
 

@@ -6,17 +6,18 @@ import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from ...batch.keys import key_of, scan_file_digest, stamp
 from ...errors import UsageError
-from ...photos.plate import open_plate
+from ...photos.plate import Plate, behind_gaps, open_plate
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ...support.words import counted
 from ...track import Shot, Track, TrackSettings, iterate_track
 from ...track.file import track_to_dict
-from ...track.journal import read_found, write_found
+from ...track.journal import is_other_file, read_found, write_found
 from ..console import message, say
 from ..dropped import say_dropped
 from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, number, settings_from, whole_number
@@ -56,18 +57,19 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args)
     track_settings = TrackSettings(args.track_long_side, settings.lens != "fixed", args.rolling_shutter, args.smooth)
-    check_outputs({"--out": args.out, "--map": args.map}, {"the scan": args.scene, "the known cameras": args.cameras})
-    check_results({"--out": args.out}, args.scene)
-    flags = MapFlags(args, settings.threads)
     plate, first, last = open_plate(args.plate)
     frames = _range(args.frames, first, last)
     starts = _start_files(args.start, frames)
+    photos = PlateFrames(plate, args.mask)
+    _check_files(args, photos, range(first, last + 1), starts)
+    flags = MapFlags(args, settings.threads)
+    _say_left_out(plate, first, last)
     scene = read_splats(args.scene)
     say_dropped(scene)
     key = key_of(1, scan_file_digest(args.scene), str(args.plate.resolve()), stamp(args.plate), list(frames), args.start)
     key = key_of(key, asdict(settings), asdict(track_settings), str(args.mask), args.axes)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
-        work = ShotWork(scene, renderer, settings, PlateFrames(plate, args.mask), flags if args.locate else None, args.axes)
+        work = ShotWork(scene, renderer, settings, photos, flags if args.locate else None, args.axes)
         return _tracked(work, _ShotJob(args, frames, starts, track_settings, key))
 
 
@@ -95,7 +97,8 @@ def _tracked(work: ShotWork, job: _ShotJob) -> Outcome:
     try:
         starts = work.starts(job.frames, job.starts)
         camera = next(iter(starts.values()))
-        shot = Shot(work.frames.read, job.frames, lambda photo, last: work.recover(camera, photo, last), work.frames.name)
+        recover = partial(work.recover, camera)
+        shot = Shot(work.frames.read, job.frames, recover, work.frames.name, " ".join(work.doubts))
         with ProgressBar("Tracking") as bar:
             steps = iterate_track(work.renderer, shot, starts, job.settings, found)
             while True:
@@ -130,6 +133,35 @@ def _end(work: ShotWork, job: _ShotJob, track: Track) -> Outcome:
     return Outcome(FAILED_VERDICT if track.verdict == "failed" else OK)
 
 
+def _check_files(args: argparse.Namespace, photos: PlateFrames, frames: range, starts: dict[int, Path]) -> None:
+    """Raises UsageError when what is to be written would overwrite something, or no frame has a mask."""
+    journal = args.out.with_name(args.out.name + JOURNAL)
+    masks = [mask for mask in map(photos.mask, frames) if mask is not None]
+    if args.mask is not None and not masks:
+        raise UsageError(f"'{args.mask}' has no mask for any frame; name a mask as its frame, with .png behind it.")
+    inputs = {
+        "the scan": args.scene,
+        "the known cameras": args.cameras,
+        "a frame": [Path(photos.name(frame)) for frame in frames],
+        "a start": list(starts.values()),
+        "a mask": masks,
+    }
+    check_outputs({"--out": args.out, "--map": args.map, "the journal of --out": journal}, inputs)
+    check_results({"--out": args.out}, args.scene)
+    if is_other_file(journal):
+        raise UsageError(f"'{journal}' is no journal of a track, and would be written over; move it, or give another --out.")
+    if masks and len(masks) < len(frames):
+        message(f"{len(masks)} of {counted(len(frames), 'frame')} have a mask.")
+
+
+def _say_left_out(plate: Plate, first: int, last: int) -> None:
+    others = behind_gaps(plate, first, last)
+    if others:
+        lie = "lies behind a gap and is" if len(others) == 1 else "lie behind a gap and are"
+        files = f"{counted(len(others), 'file')} of the sequence, from {others[0]} to {others[-1]}"
+        message(f"The plate's frames are {first} to {last}; {files}, {lie} left out.")
+
+
 def _range(text: str | None, first: int, last: int) -> range:
     """The frames that A-B names, of those there are. Raises UsageError."""
     if text is None:
@@ -138,6 +170,8 @@ def _range(text: str | None, first: int, last: int) -> range:
     if not (a.isdigit() and (b.isdigit() or not dash)):
         raise UsageError(f"--frames is '{text}'; give the first and the last frame, such as {first}-{last}.")
     low, high = int(a), int(b) if dash else int(a)
+    if low > high:
+        raise UsageError(f"--frames is {text}, which ends before it begins; exchange the two.")
     if not first <= low <= high <= last:
         raise UsageError(f"--frames is {text}, but the plate has the frames {first} to {last}.")
     return range(low, high + 1)
@@ -152,5 +186,7 @@ def _start_files(given: Sequence[str], frames: range) -> dict[int, Path]:
             raise UsageError(f"--start is '{text}'; give a frame and a camera file, such as {frames[0]}=CAMERA.json.")
         if int(frame) not in frames:
             raise UsageError(f"--start names frame {frame}, which is not among {frames[0]} to {frames[-1]}.")
+        if int(frame) in out:
+            raise UsageError(f"--start names frame {frame} twice; give one camera for it.")
         out[int(frame)] = Path(file)
     return out

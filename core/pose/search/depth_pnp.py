@@ -15,6 +15,7 @@ import numpy as np
 
 from ...geometry.camera import FloatArray, Pose
 from ...geometry.lie import hat, se3_exp
+from ..shared.least_squares import newton_step
 from ..shared.matches import ViewMatches, world_points
 from ..shared.robust import robust_std
 
@@ -115,7 +116,9 @@ def polish(camera: ScaledPose, points: FloatArray, query: FloatArray, focal: flo
         weight = 1 / (1 + (distance / robust_std(distance, MIN_SIGMA_PX)) ** 2) ** 2
         J = _jacobian(p, camera.scale, focal)[:, :, :count]
         H = np.einsum("nij,nik,n->jk", J, J, weight) + 1e-12 * np.eye(count)
-        step = -np.linalg.solve(H, np.einsum("nij,ni,n->j", J, r, weight))
+        step = newton_step(H, np.einsum("nij,ni,n->j", J, r, weight))
+        if step is None:
+            break
         grow = float(np.exp(np.clip(step[6], -0.2, 0.2))) if free_focal else 1.0
         camera = ScaledPose(se3_exp(step[:6]) @ camera.pose, camera.scale * grow)
         if np.abs(step).max() < 1e-10:

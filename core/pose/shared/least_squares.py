@@ -35,6 +35,17 @@ def reduced(information: FloatArray, kept: Sequence[int], others: Sequence[int])
     return np.asarray(H[np.ix_(k, k)] - H[np.ix_(k, o)] @ np.linalg.pinv(H[np.ix_(o, o)], hermitian=True) @ H[np.ix_(o, k)])
 
 
+def newton_step(information: FloatArray, gradient: FloatArray) -> FloatArray | None:
+    """The step (n,) to where the gradient is 0; None where there is none, for the equations leave a direction open or hold a
+    value that is not finite.
+    """
+    try:
+        step = np.linalg.solve(information, -gradient)
+    except np.linalg.LinAlgError:
+        return None
+    return step if np.isfinite(step).all() else None
+
+
 def levenberg_marquardt(
     state: State, equations: Callable[[State], NormalEquations], move: Callable[[State, FloatArray], State]
 ) -> State:
@@ -42,7 +53,9 @@ def levenberg_marquardt(
     damping, now = 1e-3, equations(state)
     for _ in range(MAX_STEPS):
         diagonal = np.maximum(np.diag(now.information), 1e-12)
-        step = np.linalg.solve(now.information + damping * np.diag(diagonal), -now.gradient)
+        step = newton_step(now.information + damping * np.diag(diagonal), now.gradient)
+        if step is None:
+            break
         trial = move(state, step)
         new = equations(trial)
         if new.cost < now.cost:

@@ -9,7 +9,7 @@ from samples import counts, random_gaussians, write_photo, write_ply
 
 BROKEN = "The work broke off through a fault of the extension; the system console has the details."
 MODULE = "bl_ext.user_default.gssmc"
-IMPORT = {"orientation": "AUTO", "scale": 1.0, "max_shown": 1000, "show_colours": False, "wait": False}
+IMPORT = {"orientation": "AUTO", "scale": 1.0, "max_shown": 1000, "level": 0, "show_colours": False, "wait": False}
 
 
 @pytest.fixture

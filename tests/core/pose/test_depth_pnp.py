@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from geometry import CAMERA, fan, make_matches, random_pose, world
 
-from core.geometry.camera import pose_error
+from core.geometry.camera import Pose, pose_error
 from core.geometry.lie import se3_exp
-from core.pose.search.depth_pnp import FOCAL_SCALES, ScaledPose, _jacobian, _reproject, lifted, pnp_pose
+from core.pose.search.depth_pnp import FOCAL_SCALES, ScaledPose, _jacobian, _reproject, lifted, pnp_pose, polish
 
 FOCAL = CAMERA.focal
 
@@ -59,3 +59,11 @@ def test_too_few_or_unlifted_matches_hold_no_pose():
     assert pnp_pose([replace(views[0], depth=np.full(len(views[0]), np.nan))], FOCAL) is None
     same = np.arange(len(views[0])) < 5
     assert pnp_pose([views[0].take(same)], FOCAL) is None
+
+
+def test_points_that_do_not_hold_a_camera_leave_it_as_it_was():
+    """All in one place: the equations are singular, and no error may come of that."""
+    start = ScaledPose(Pose(), 1.0)
+    for z in (3.0, 1e-150):
+        points, query = np.tile([0.1, 0.1, z], (40, 1)), np.full((40, 2), 0.5)
+        assert np.isfinite(polish(start, points, query, 500.0, free_focal=True).pose.t).all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.pose.shared.least_squares import NormalEquations, levenberg_marquardt
+from core.pose.shared.least_squares import NormalEquations, levenberg_marquardt, newton_step
 
 
 class Valley:
@@ -31,3 +31,10 @@ def test_a_search_that_begins_at_its_end_ends_at_once():
     found = levenberg_marquardt(np.array([1.0, 1.0]) + 1e-13, problem, np.add)
     np.testing.assert_allclose(found, (1.0, 1.0), atol=1e-12)
     assert problem.asked <= 3
+
+
+def test_equations_that_leave_a_direction_open_end_the_search_and_raise_nothing():
+    assert newton_step(np.zeros((2, 2)), np.ones(2)) is None
+    assert newton_step(np.array([[np.nan, 0], [0, 1.0]]), np.ones(2)) is None
+    open_end = NormalEquations(1.0, np.array([1.0, np.inf]), np.diag([1.0, 0.0]))
+    assert levenberg_marquardt(5.0, lambda _: open_end, lambda s, _: s + 1) == 5.0

@@ -110,7 +110,7 @@ def test_covered_frames_are_lost_and_those_behind_them_followed_over_the_gap(roo
     states = {frame.frame: frame.state for frame in track.frames}
     assert [f for f, state in states.items() if state == "lost"] == list(FRAMES[5:7])
     assert states[FRAMES[7]] == states[FRAMES[8]] == "good"
-    assert track.verdict == "check" and "2 are not tied" in track.reasons[0]
+    assert track.verdict == "check" and "not tied to the splat, on the path of the others: 2" in track.reasons[0]
     assert errors(track)[5:7].max() < 3.0, "on the path between the frames beside them"
 
 
