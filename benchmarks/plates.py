@@ -46,6 +46,7 @@ READOUT = 0.6
 SHOTS = {"plain": HandHeld(), "walker": HandHeld(walker=True), "rolling": HandHeld(readout=READOUT)}
 GAUSSIANS = 40_000
 POINTS = 300
+NEAR = 0.2  # of the median depth
 COLUMNS = ("shot", "frames", "good, weak, lost", "s a frame", "position RMS, max", "rotation RMS, max")
 COLUMNS += ("slip", "jitter", "off", "read-out")
 
@@ -131,7 +132,11 @@ def _slip(plate: Plate, frame: int, found: Camera) -> np.ndarray:
         seen = np.flatnonzero(((inside > 0) & (inside < (k.width, k.height))).all(1))
     chosen = points[np.random.default_rng(0).choice(seen, min(POINTS, len(seen)), replace=False)]
     true = plate.truth[frame]
-    return found.intrinsics.project(found.pose.transform(chosen)) - true.intrinsics.project(true.pose.transform(chosen))
+    # Points beside or behind a camera have no place in its picture.
+    far = NEAR * float(np.median(true.pose.transform(chosen)[:, 2]))
+    ahead = (found.pose.transform(chosen)[:, 2] > far) & (true.pose.transform(chosen)[:, 2] > far)
+    off = found.intrinsics.project(found.pose.transform(chosen)) - true.intrinsics.project(true.pose.transform(chosen))
+    return np.where(ahead[:, None], off, np.nan)
 
 
 def main() -> int:
