@@ -103,7 +103,8 @@ def plan() -> list[Trial]:
     for start in ("near", "far"):
         out += [Trial(*photo, lens, "as it is", start) for photo in photos for lens in LENSES]
     out += [Trial(*photo, LENSES[n % len(LENSES)], "as it is", "hopeless") for n, photo in enumerate(photos)]
-    out += [Trial(*photo, lens, "as it is", "near", 1) for photo in photos for lens in LENSES]
+    for start in ("near", "far"):
+        out += [Trial(*photo, lens, "as it is", start, 1) for photo in photos for lens in LENSES]
     spoilt = []
     for way, spoiler in enumerate(list(SPOILERS)[1:]):
         for n, photo in enumerate(photos):

@@ -25,8 +25,8 @@ from .walk import PartialTrack, Recover, Tie, Walk
 # The RMS of a frame that is called good, in pixels of the frame, reduced to a long side of LONG_SIDE_PX where it is larger.
 GOOD_RMS_PX = 1.0
 LONG_SIDE_PX = 1280
-# And the deviation of its place, as it alone tells it, per cent of the median depth.
-GOOD_STD_PCT = 1.0
+# And the deviation of its place, as it alone tells it, per cent of the median depth: that of a trusted photo.
+GOOD_STD_PCT = 0.5
 # A shot is trusted with at least this share of good frames, and fails with fewer tied to the splat than that.
 TRUSTED_SHARE, FAILED_SHARE = 0.9, 0.5
 WALKED = 0.97  # of the progress, when all frames were seen
