@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, FloatProperty
 
 from ..core.errors import GssmcError
 from ..core.track import TrackSettings
@@ -27,10 +27,7 @@ class GSSMC_OT_track_plate(AskingJobOperator, bpy.types.Operator):
     bl_options = {"UNDO"}
 
     __annotations__ = {
-        "start": IntProperty(
-            name="Start", description="First frame of the scene; by default the first that plate and scene share"
-        ),
-        "end": IntProperty(name="End", description="Last frame of the scene; by default the last that plate and scene share"),
+        **plate_options.range_annotations(),
         "rolling_shutter": BoolProperty(
             name="Rolling Shutter",
             description="Solve for the time that the camera takes to read a frame out, from the first row to the last",

@@ -28,11 +28,14 @@ LK_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.003)
 
 @dataclass(frozen=True)
 class SubpixelAligner:
-    """Options: patch side, the farthest a point may move, and the largest there-and-back error, all in pixels."""
+    """Options: patch side, the farthest a point may move, and the largest there-and-back error, all in pixels; `levels`: how
+    often the pictures are halved for places that are farther off than a patch reaches.
+    """
 
     window_px: int = 19
     max_move_px: float = 2.0
     max_return_px: float = 0.3
+    levels: int = 0
 
     def align(
         self, photo: NDArray[np.uint8], view: NDArray[np.uint8], photo_px: FloatArray, view_px: FloatArray
@@ -59,7 +62,7 @@ class SubpixelAligner:
             start,
             first.copy(),
             winSize=(self.window_px, self.window_px),
-            maxLevel=0,
+            maxLevel=self.levels,
             criteria=LK_CRITERIA,
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )

@@ -10,13 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from ..errors import PhotoError
-from ..features.subpixel import LK_CRITERIA, normalise_locally
-from ..geometry.camera import FloatArray, Intrinsics, Pose
-from ..geometry.conventions import from_opencv_pixels, to_opencv_pixels
+from ..features.subpixel import SubpixelAligner, normalise_locally
+from ..geometry.camera import Intrinsics, Pose
 from ..photos.photo import Photo
 from ..pose.final.guided import Corners, PosedRender, match_corners, pick_corners
 from ..pose.final.joint import JointFit, JointProblem, fit_joint
@@ -24,9 +22,9 @@ from ..pose.final.reprojection import reproject
 from ..pose.search.observe import grey_of
 from ..pose.shared.corners import filled_cells
 from ..pose.shared.lens import CameraUnknowns, LensPrior
-from ..pose.shared.matches import BoolArray, ViewMatches, world_points
+from ..pose.shared.matches import ViewMatches, world_points
 from ..pose.shared.surface import depth_at, solid_part
-from ..pose.shared.working import GreyImage, WorkingPhoto
+from ..pose.shared.working import WorkingPhoto
 from ..render.view import ViewRenderer, sole_renderer
 
 # Fewer corners on the splat do not hold a camera (at a wrong pose up to eight of 1500 find a place by chance); fewer than GOOD,
@@ -36,8 +34,8 @@ CELLS, MIN_CELLS, GOOD_CELLS = 6, 5, 9
 # Corners followed from one frame to the next: fewer, or a smaller share of them, are no motion but a cut.
 HOLD = 3.0
 MIN_LINKS, MIN_LINK_SHARE = 30, 0.2
-WINDOW_PX, LEVELS = 21, 3
-RETURN_PX = 0.5
+# Over pictures halved so often, a corner is found some ten pixels and more from where it is looked for.
+FOLLOWER = SubpixelAligner(window_px=21, max_move_px=float("inf"), max_return_px=0.5, levels=3)
 # The frame is rendered once more where its pose moved by so much after the first render: matches are looked for near places.
 AGAIN_PX = 1.5
 MAX_RENDERS = 3
@@ -148,47 +146,16 @@ def _carried(before: SolvedFrame, photo: WorkingPhoto, guess: Pose) -> ViewMatch
     with np.errstate(divide="ignore", invalid="ignore"):
         first = k.project(guess.transform(world_points(places)))
     first = np.where(np.isfinite(first), first, start)
-    pixels, good = _follow(before.photo.aligned, photo.aligned, start, first)
+    pixels, good = FOLLOWER.align(before.photo.aligned, photo.aligned, start, first)
     inside = (pixels > 0).all(1) & (pixels < (k.width, k.height)).all(1)
-    taken = places.take(good & inside & np.isfinite(depth) & (depth > 0))
-    return ViewMatches(
-        taken.pose,
-        k.normalise(pixels[good & inside & np.isfinite(depth) & (depth > 0)]),
-        taken.view,
-        taken.depth,
-        taken.depth_std,
-        reference=True,
-    )
-
-
-def _follow(a: GreyImage, b: GreyImage, start: FloatArray, first: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Places (N, 2) in `b` of the pixels `start` (N, 2) of `a`, looked for around `first`, and which came back (N,)."""
-    there, ok = _flow(a, b, start, first)
-    back, back_ok = _flow(b, a, there, start)
-    return there, ok & back_ok & (np.linalg.norm(back - start, axis=1) < RETURN_PX)
-
-
-def _flow(a: GreyImage, b: GreyImage, points: FloatArray, first: FloatArray) -> tuple[FloatArray, BoolArray]:
-    if not len(points):
-        return points, np.zeros(0, np.bool_)
-    start, guess = (np.ascontiguousarray(to_opencv_pixels(p), np.float32).reshape(-1, 1, 2) for p in (points, first))
-    found, status, _ = cv2.calcOpticalFlowPyrLK(
-        a,
-        b,
-        start,
-        guess.copy(),
-        winSize=(WINDOW_PX, WINDOW_PX),
-        maxLevel=LEVELS,
-        criteria=LK_CRITERIA,
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-    )
-    return from_opencv_pixels(found.reshape(-1, 2)), np.asarray(status.ravel() > 0)
+    return replace(places, query=k.normalise(pixels)).take(good & inside & np.isfinite(depth) & (depth > 0))
 
 
 def _drawn_to(photo: WorkingPhoto, render: PosedRender, corners: Corners) -> ViewMatches:
     """Matches of the photo's corners with a render that is some pixels off, followed there and back over coarse pictures."""
     k = photo.pinhole
-    pixels, good = _follow(photo.aligned, normalise_locally(grey_of(render.view)), corners.pixels, corners.pixels)
+    drawn = normalise_locally(grey_of(render.view))
+    pixels, good = FOLLOWER.align(photo.aligned, drawn, corners.pixels, corners.pixels)
     depth, std = depth_at(render.view, pixels)
     matches = ViewMatches(render.pose, k.normalise(corners.pixels), k.normalise(pixels), depth, std, reference=True)
     return matches.take(good & np.isfinite(depth) & (depth > 0))

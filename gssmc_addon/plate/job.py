@@ -160,14 +160,14 @@ class SequenceJob(RetryQueue):
 
     def reasons(self) -> list[str]:
         """The summary, then why frames are bad or doubtful, a line for all frames of which the same is to be said."""
-        return [self.summary(), *_by_sentence(self.bad), *_by_sentence(self.doubtful)]
+        return [self.summary(), *by_sentence(self.bad), *by_sentence(self.doubtful)]
 
 
 def _first_reason(report: RefineReport) -> str:
     return report.reasons[0] if report.reasons else rpt_("No camera was found.")
 
 
-def _by_sentence(frames: Mapping[int, str]) -> list[str]:
+def by_sentence(frames: Mapping[int, str]) -> list[str]:
     """A line for each sentence with its frames. Sentences that differ in their figures alone share one, with the first's."""
     groups: dict[str, list[int]] = {}
     for frame in sorted(frames):

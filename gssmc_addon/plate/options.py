@@ -29,13 +29,20 @@ class SequenceOptions:
     find_start: bool = True
 
 
-def plate_annotations() -> dict[str, object]:
-    """The options of the dialog as Blender properties."""
+def range_annotations() -> dict[str, object]:
+    """The first and the last frame as Blender properties."""
     return {
         "start": IntProperty(
             name="Start", description="First frame of the scene; by default the first that plate and scene share"
         ),
         "end": IntProperty(name="End", description="Last frame of the scene; by default the last that plate and scene share"),
+    }
+
+
+def plate_annotations() -> dict[str, object]:
+    """The options of the dialog as Blender properties."""
+    return {
+        **range_annotations(),
         "step": IntProperty(name="Step", description="The number of frames from one keyframe to the next", default=10, min=1),
         "smooth_frames": FloatProperty(
             name="Smooth (frames)",

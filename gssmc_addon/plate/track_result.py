@@ -9,7 +9,7 @@ from ..camera import keys as camera_keys
 from ..camera import solution as camera_solution
 from ..camera.record import SolvedCamera
 from ..support.texts import rpt_
-from .job import _by_sentence, frame_list
+from .job import by_sentence, frame_list
 from .track_job import TrackJob
 
 
@@ -26,7 +26,7 @@ def write(job: TrackJob, track: Track) -> tuple[str, bool]:
     filled = frozenset(frame.frame for frame in frames if frame.state == "lost")
     camera_keys.write(scene, camera, splat, cameras, camera_keys.KeyOptions(filled=filled))
     state = "SOLVED" if track.numbers else camera.data.gssmc.lens_state
-    lines = tuple([*track.reasons, *_by_sentence({frame.frame: frame.reason for frame in track.frames if frame.reason})])
+    lines = tuple([*track.reasons, *by_sentence({frame.frame: frame.reason for frame in track.frames if frame.reason})])
     first = cameras[min(cameras)]
     solved = SolvedCamera(first, track.verdict, lines, 0, track.seconds, state, track.median_depth, path=cameras)
     camera_solution.keep(scene, camera, splat, solved)

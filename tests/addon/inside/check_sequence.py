@@ -276,7 +276,7 @@ def test_frames_to_check_say_why(bpy, plate):
 
 
 def test_sentences_that_differ_in_figures_share_a_line(extension):
-    by_sentence = extension("gssmc_addon.plate.job")._by_sentence
+    by_sentence = extension("gssmc_addon.plate.job").by_sentence
     frames = {7: "Only 12 % fit.", 3: "Only 9.5 % fit.", 5: "Too dark.", 9: "Too dark."}
     assert by_sentence(frames) == ["Frames 3, 7, with the figures of 3: Only 9.5 % fit.", "Frames 5, 9: Too dark."]
     assert by_sentence({4: "Too dark."}) == ["Frame 4: Too dark."]
