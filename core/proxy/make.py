@@ -1,0 +1,108 @@
+"""A proxy from beginning to end: views drawn, fused, the surface taken out, cleaned, decimated and coloured."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ProxyError
+from ..geometry.camera import Camera, FloatArray
+from ..render.view import ViewRenderer, sole_renderer
+from ..support.steps import converted, run_to_end
+from .blocks import CHUNK, Blocks, allocated, fused, surface_cells
+from .decimate import decimated
+from .mesh import ProxyMesh, coloured
+from .pieces import IntArray, compacted, with_holes_closed, without_floaters
+from .settings import OVERSAMPLING, ProxySettings
+from .space import GridSpace
+from .surface import surface_nets
+from .views import DepthView
+
+NEAREST_PCT = 2.0  # percentile of the depth at which the surfaces begin
+COUNTED = 4.0  # pixels: cells of this size are counted to tell how many there would be of others
+FINEST = 1.0  # pixels: no voxel is smaller than this at the surface's beginning
+FACES_PER_CELL = 3.0
+WIDEST_HOLE = 0.25  # of the distance from the grid's centre, or of its radius: a wider opening is a border
+# Shares of the progress at which the stages begin: drawing, fusing, decimating.
+FUSING, DECIMATING = 0.45, 0.7
+
+
+@dataclass(frozen=True)
+class ProxyStep:
+    """One step: what is done, and the `fraction` 0..1 of the whole."""
+
+    step: str
+    fraction: float
+
+
+def iterate_proxy(
+    renderer: ViewRenderer, cameras: Sequence[Camera], settings: ProxySettings | None = None
+) -> Generator[ProxyStep, None, ProxyMesh]:
+    """The mesh of what the cameras see, in the coordinates of the renderer's scene. Yields after each step, and can be closed
+    there. Raises ProxyError when there is no camera, or the cameras show nothing of the scan.
+    """
+    settings = settings or ProxySettings()
+    if not cameras:
+        raise ProxyError("There is no camera to make a proxy from; give at least one.")
+    views = []
+    for number, camera in enumerate(cameras, 1):
+        yield ProxyStep(f"drawing view {number} of {len(cameras)}", FUSING * (number - 1) / len(cameras))
+        own = Camera(camera.intrinsics.pinhole().with_long_side(settings.long_side_px), camera.pose, camera.file)
+        view = DepthView.of(own, sole_renderer(renderer).render(own.intrinsics, own.pose))
+        if (view.depth > 0).any():
+            views.append(view)
+    if not views:
+        raise ProxyError("The cameras show nothing of the scan; check that they belong to it, and turn them towards it.")
+    space = GridSpace.around([view.camera for view in views], _nearest(views))
+    voxel = _voxel(views, space, settings)
+    vertices, faces = yield from _surface(views, space, voxel)
+    if settings.close_holes:
+        distance = np.linalg.norm(vertices, axis=1)
+        vertices, faces = with_holes_closed(vertices, faces, WIDEST_HOLE * np.maximum(distance, space.radius))
+    cell = voxel * space.scale(vertices).astype(np.float64)
+    work = decimated(vertices, faces, settings.faces, cell)
+    vertices, faces = yield from converted(work, _reducing)
+    vertices = vertices + space.centre
+    return ProxyMesh(vertices, faces, coloured(vertices, views))
+
+
+def make_proxy(renderer: ViewRenderer, cameras: Sequence[Camera], settings: ProxySettings | None = None) -> ProxyMesh:
+    """As `iterate_proxy`, in one go."""
+    return run_to_end(iterate_proxy(renderer, cameras, settings))
+
+
+def _reducing(fraction: float) -> ProxyStep:
+    return ProxyStep("reducing triangles", DECIMATING + (1 - DECIMATING) * fraction)
+
+
+def _nearest(views: Sequence[DepthView]) -> float:
+    """The depth at which the surfaces begin, scene units."""
+    return float(np.percentile(np.concatenate([view.depth[view.depth > 0] for view in views]), NEAREST_PCT))
+
+
+def _voxel(views: Sequence[DepthView], space: GridSpace, settings: ProxySettings) -> float:
+    """A voxel's side, grid units: as small as the budget of triangles pays for, and the views' pixels."""
+    pixel = _nearest(views) / max(view.camera.intrinsics.focal for view in views)
+    cells = len(surface_cells(views, space, COUNTED * pixel))
+    wanted = settings.faces * OVERSAMPLING / FACES_PER_CELL
+    return max(FINEST * pixel, COUNTED * pixel * float(np.sqrt(cells / wanted)))
+
+
+def _surface(
+    views: Sequence[DepthView], space: GridSpace, voxel: float
+) -> Generator[ProxyStep, None, tuple[FloatArray, IntArray]]:
+    """Vertices (V, 3), relative to the grid's centre, and faces (F, 3) without floaters. Raises ProxyError where there are none."""
+    yield ProxyStep("finding surfaces", FUSING)
+    keys = allocated(surface_cells(views, space, voxel))
+    parts = []
+    for part in fused(keys, views, space, voxel):
+        parts.append(part)
+        share = min(1.0, len(parts) * CHUNK / len(keys))
+        yield ProxyStep("fusing depth", FUSING + (DECIMATING - FUSING) * share)
+    places, faces = surface_nets(Blocks(keys, np.concatenate(parts), voxel))
+    places, faces = compacted(places, without_floaters(faces, len(places)))
+    if len(faces) == 0:
+        raise ProxyError("The cameras show no surface of the scan; check that they belong to it, or take other ones.")
+    return space.from_grid(voxel * places).astype(np.float64), faces
