@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -78,8 +79,8 @@ def allocated(cells: IntArray) -> IntArray:
     """The keys of blocks that hold all voxels within the band around surface voxels, which are given by their keys."""
     middle = coordinates(cells) + 0.5
     found = np.zeros(0, np.int64)
-    for corner in 2 * CORNERS - 1:
-        found = np.union1d(found, keys_of(np.floor((middle + BAND * corner) / SIDE).astype(np.int64)))
+    for offset in product((-BAND, 0.0, BAND), repeat=3):
+        found = np.union1d(found, keys_of(np.floor((middle + offset) / SIDE).astype(np.int64)))
     return found
 
 

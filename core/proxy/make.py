@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import ProxyError
 from ..geometry.camera import Camera, FloatArray
-from ..render.view import ViewRenderer, sole_renderer
+from ..render import RenderSettings
+from ..splats.scene import GaussianScene
 from ..support.steps import converted, run_to_end
 from .blocks import CHUNK, Blocks, allocated, fused, surface_cells
 from .decimate import decimated
 from .mesh import ProxyMesh, coloured
 from .pieces import IntArray, compacted, with_holes_closed, without_floaters
+from .planes import PlaneRenderer
 from .settings import OVERSAMPLING, ProxySettings
 from .space import GridSpace
 from .surface import surface_nets
@@ -38,23 +40,19 @@ class ProxyStep:
 
 
 def iterate_proxy(
-    renderer: ViewRenderer, cameras: Sequence[Camera], settings: ProxySettings | None = None
+    scene: GaussianScene,
+    cameras: Sequence[Camera],
+    settings: ProxySettings | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
 ) -> Generator[ProxyStep, None, ProxyMesh]:
-    """The mesh of what the cameras see, in the coordinates of the renderer's scene. Yields after each step, and can be closed
-    there. Raises ProxyError when there is no camera, or the cameras show nothing of the scan.
+    """The mesh of what the cameras see, in the coordinates of the scene's means, as the cameras. Yields after each step, and can
+    be closed there. Raises ProxyError when there is no camera, or the cameras show nothing of the scan; Cancelled soon after
+    `should_stop`, which may be asked in other threads, says True.
     """
     settings = settings or ProxySettings()
     if not cameras:
         raise ProxyError("There is no camera to make a proxy from; give at least one.")
-    views = []
-    for number, camera in enumerate(cameras, 1):
-        yield ProxyStep(f"drawing view {number} of {len(cameras)}", FUSING * (number - 1) / len(cameras))
-        own = Camera(camera.intrinsics.pinhole().with_long_side(settings.long_side_px), camera.pose, camera.file)
-        view = DepthView.of(own, sole_renderer(renderer).render(own.intrinsics, own.pose))
-        if (view.depth > 0).any():
-            views.append(view)
-    if not views:
-        raise ProxyError("The cameras show nothing of the scan; check that they belong to it, and turn them towards it.")
+    views = yield from _drawn(scene, cameras, settings, should_stop)
     space = GridSpace.around([view.camera for view in views], _nearest(views))
     voxel = _voxel(views, space, settings)
     vertices, faces = yield from _surface(views, space, voxel)
@@ -62,15 +60,32 @@ def iterate_proxy(
         distance = np.linalg.norm(vertices, axis=1)
         vertices, faces = with_holes_closed(vertices, faces, WIDEST_HOLE * np.maximum(distance, space.radius))
     cell = voxel * space.scale(vertices).astype(np.float64)
-    work = decimated(vertices, faces, settings.faces, cell)
-    vertices, faces = yield from converted(work, _reducing)
+    vertices, faces = yield from converted(decimated(vertices, faces, settings.faces, cell), _reducing)
     vertices = vertices + space.centre
     return ProxyMesh(vertices, faces, coloured(vertices, views))
 
 
-def make_proxy(renderer: ViewRenderer, cameras: Sequence[Camera], settings: ProxySettings | None = None) -> ProxyMesh:
+def make_proxy(scene: GaussianScene, cameras: Sequence[Camera], settings: ProxySettings | None = None) -> ProxyMesh:
     """As `iterate_proxy`, in one go."""
-    return run_to_end(iterate_proxy(renderer, cameras, settings))
+    return run_to_end(iterate_proxy(scene, cameras, settings))
+
+
+def _drawn(
+    scene: GaussianScene, cameras: Sequence[Camera], settings: ProxySettings, should_stop: Callable[[], bool]
+) -> Generator[ProxyStep, None, list[DepthView]]:
+    """The cameras' views, without those that show nothing. Raises ProxyError when none is left."""
+    yield ProxyStep("preparing the splat", 0.0)
+    renderer = PlaneRenderer(scene, RenderSettings.for_scene(scene, settings.threads))
+    views = []
+    for number, camera in enumerate(cameras, 1):
+        yield ProxyStep(f"drawing view {number} of {len(cameras)}", FUSING * (number - 1) / len(cameras))
+        own = Camera(camera.intrinsics.pinhole().with_long_side(settings.long_side_px), camera.pose, camera.file)
+        view = DepthView.of(own, *renderer.render(own, should_stop))
+        if (view.depth > 0).any():
+            views.append(view)
+    if not views:
+        raise ProxyError("The cameras show nothing of the scan; check that they belong to it, and turn them towards it.")
+    return views
 
 
 def _reducing(fraction: float) -> ProxyStep:

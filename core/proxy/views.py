@@ -16,6 +16,9 @@ Float32Array = NDArray[np.float32]
 
 MIN_ALPHA = 0.5  # a pixel below it shows the background as much as the scan
 JUMP = 0.03  # of the depth: neighbours that are farther apart belong to two surfaces
+BEND = 0.003  # of the depth, from pixel to pixel: less is no jump, but a steep surface
+# Of a pixel, from which on it counts as the near surface's: the Gaussians at an edge reach out over it by half their deviation.
+NEAR_SHARE = 0.6
 REACH_PX = 2  # how far from a jump a pixel may show both surfaces
 MIN_STD = 0.005  # of the depth: no depth is taken to be known better
 BAR = np.array([[1.0, -2.0, 1.0]], np.float32)
@@ -36,10 +39,10 @@ class DepthView:
     color: Float32Array
 
     @classmethod
-    def of(cls, camera: Camera, view: RenderedView) -> DepthView:
-        """`camera` drew the view, whose distortion was ignored."""
+    def of(cls, camera: Camera, view: RenderedView, depth: Float32Array) -> DepthView:
+        """`camera` drew the view, whose distortion was ignored; `depth` (H, W) is the best that is known of it."""
         camera = replace(camera, intrinsics=camera.intrinsics.pinhole())
-        depth = sharpened(np.where(view.alpha >= MIN_ALPHA, view.depth, 0).astype(np.float32))
+        depth = sharpened(np.where(view.alpha >= MIN_ALPHA, depth, 0).astype(np.float32))
         slope = _slope(camera.intrinsics, depth)
         variance = view.depth_variance + (MIN_STD * depth) ** 2
         weight = np.where(depth > 0, view.alpha**2 * slope**2 / np.maximum(variance, 1e-20), 0)
@@ -54,10 +57,10 @@ class DepthView:
 
 
 def sharpened(depth: Float32Array) -> Float32Array:
-    """Depth (H, W) in which a pixel near a jump has the depth of the surface that it mostly shows; 0 stays 0.
+    """Depth (H, W) in which a pixel near a jump has the depth of the surface that it shows; 0 stays 0.
 
-    An expected depth between two surfaces lies between theirs: such a pixel would be a bridge. With near depth a and far depth
-    b it is (1 - s) a + s b, where s is the far one's share.
+    Where a pixel shows two surfaces, its depth by planes is the mean of their inverse depths, which is a surface that is not
+    there, and would make a bridge between the two.
     """
     known = depth > 0
     kernel = np.ones((2 * REACH_PX + 1,) * 2, np.uint8)
@@ -67,8 +70,9 @@ def sharpened(depth: Float32Array) -> Float32Array:
         # The inverse depth of a plane is linear in the picture, however steep it is.
         inverse = np.where(known, 1 / depth, 0).astype(np.float32)
         bend = np.maximum(*(np.abs(cv2.filter2D(inverse, -1, bar)) for bar in (BAR, BAR.T))) * depth
-        bridge = known & (far - near > JUMP * near) & (cv2.dilate(bend, kernel) > JUMP / 4)
-    return np.where(bridge, np.where(depth < (near + far) / 2, near, far), depth).astype(np.float32)
+        bridge = known & (far - near > JUMP * near) & (cv2.dilate(bend, kernel) > BEND)
+        is_near = inverse > NEAR_SHARE / near + (1 - NEAR_SHARE) / far
+    return np.where(bridge, np.where(is_near, near, far), depth).astype(np.float32)
 
 
 def _rays(k: Intrinsics) -> Float32Array:
