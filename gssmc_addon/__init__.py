@@ -18,6 +18,7 @@ from ..operators import (
     find_camera,
     import_cameras,
     import_splats,
+    make_proxy,
     match_resolution,
     models,
     preview,
@@ -44,6 +45,7 @@ from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch
+from .proxy import panel as proxy_panel
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
@@ -80,10 +82,12 @@ _class_modules = (
     track_plate,
     refine_sequence,
     weak_frame,
+    make_proxy,
     panels,
     photo_panel,
     preview_panel,
     plate_panel,
+    proxy_panel,
     menus,
 )
 _cli_commands: list[object] = []

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.camera import FloatArray
 from ..geometry.conventions import to_opencv_pixels
 from .space import Float32Array, GridSpace
 from .views import JUMP, DepthView
@@ -109,16 +110,16 @@ def _seen(
     z = np.maximum(local[:, 2], np.float32(NEAR))
     x, y = local[:, 0] / z * np.float32(k.fx) + np.float32(k.cx), local[:, 1] / z * np.float32(k.fy) + np.float32(k.cy)
     index = np.flatnonzero((local[:, 2] > NEAR) & (x >= 0) & (y >= 0) & (x < k.width) & (y < k.height))
-    pixels = np.stack([x[index], y[index]], axis=1)
+    pixels = np.stack([x[index], y[index]], axis=1).astype(np.float64)
     column, row = pixels.astype(np.intp).T
-    depth = _depth_at(view.depth, pixels, view.depth[row, column])
+    depth = _depth_at(view.depth, pixels, np.asarray(view.depth[row, column]))
     distance = (depth - local[index, 2]) * view.slope[row, column] / band[index]
     weight = view.weight[row, column]
     kept = (distance > -1) & (weight > 0)
     return index[kept], np.minimum(distance[kept], 1).astype(np.float32), weight[kept]
 
 
-def _depth_at(depth: Float32Array, pixels: Float32Array, nearest: Float32Array) -> Float32Array:
+def _depth_at(depth: Float32Array, pixels: FloatArray, nearest: Float32Array) -> Float32Array:
     """Depth at places between pixels (N, 2): bilinear within a surface, the pixel's own beside a jump."""
     count = len(pixels)
     if count == 0:

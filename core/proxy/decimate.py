@@ -1,8 +1,8 @@
 """Fewer triangles, first of all where the surface is flat: edges collapse in rounds, many that do not touch each other at once.
 
 The cost is that of Garland and Heckbert, "Surface Simplification Using Quadric Error Metrics", 1997: the squared distances from
-the planes of all faces that were merged into a vertex. It is measured in cells of the grid, which grow with the distance from the
-cameras, so that what is far away may be off by more.
+the planes of all faces that were merged into a vertex. It is measured in cells of the grid, which grow with the distance from
+the cameras, so that what is far away may be off by more.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ TWICE = np.array([1.0, 2, 2, 1, 2, 1, 2, 2, 2, 1])
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """What the rounds change in place: vertices (V, 3); quadrics (10, V): x^T A x + 2 b^T x + c; `resting` (V,): whether an edge
-    there could not collapse of late.
+    """What the rounds change in place: vertices (V, 3); quadrics (10, V): x^T A x + 2 b^T x + c; `resting` (V,): whether an
+    edge there could not collapse of late.
     """
 
     vertices: FloatArray
@@ -77,9 +77,9 @@ def _quadrics(vertices: FloatArray, faces: IntArray, cell: FloatArray) -> FloatA
     for corners, n, weight in planes:
         d = -(n * vertices[corners[:, 0]]).sum(axis=1)
         numbers = [*(n[:, k] * n[:, m] for k, m in PLACES), *(d * n.T), d * d]
-        for row, values in zip(out, numbers, strict=True):
+        for number, values in enumerate(numbers):
             for corner in corners.T:
-                row += np.bincount(corner, weight * values, len(vertices))
+                out[number] += np.bincount(corner, weight * values, len(vertices))
     return out
 
 
@@ -134,7 +134,7 @@ def _cheapest(mesh: _Mesh, edges: IntArray) -> FloatArray:
     at_a, at_b = own[a] + _value(other, here), own[b] + _value(one, there)
     # A quadratic's value in the middle is the mean of those at the ends, less a quarter of its bend between them.
     bend = _value(one[:6] + other[:6], there - here)
-    return np.minimum(np.minimum(at_a, at_b), (at_a + at_b) / 2 - bend / 4)
+    return np.asarray(np.minimum(np.minimum(at_a, at_b), (at_a + at_b) / 2 - bend / 4))
 
 
 def _value(quadrics: FloatArray, places: FloatArray) -> FloatArray:
@@ -218,12 +218,12 @@ def _turns(mesh: _Mesh, faces: IntArray, kept: IntArray, gone: IntArray, places:
 
 
 def _renumbered(faces: IntArray, kept: IntArray, gone: IntArray, count: int) -> IntArray:
-    """The faces after collapses, without those that became lines, and without doubles."""
+    """The faces after collapses, without those that became lines."""
     number = np.arange(count)
     number[gone] = kept
     after = number[faces]
-    after = after[(after[:, 0] != after[:, 1]) & (after[:, 1] != after[:, 2]) & (after[:, 2] != after[:, 0])]
-    return after
+    lines = (after[:, 0] == after[:, 1]) | (after[:, 1] == after[:, 2]) | (after[:, 2] == after[:, 0])
+    return np.asarray(after[~lines])
 
 
 def _normals(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -33,10 +33,12 @@ FUSING, DECIMATING = 0.45, 0.7
 
 @dataclass(frozen=True)
 class ProxyStep:
-    """One step: what is done, and the `fraction` 0..1 of the whole."""
+    """One step: what is done, and the `fraction` 0..1 of the whole; while views are drawn, which of how many."""
 
     step: str
     fraction: float
+    view: int = 0
+    views: int = 0
 
 
 def iterate_proxy(
@@ -45,9 +47,9 @@ def iterate_proxy(
     settings: ProxySettings | None = None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Generator[ProxyStep, None, ProxyMesh]:
-    """The mesh of what the cameras see, in the coordinates of the scene's means, as the cameras. Yields after each step, and can
-    be closed there. Raises ProxyError when there is no camera, or the cameras show nothing of the scan; Cancelled soon after
-    `should_stop`, which may be asked in other threads, says True.
+    """The mesh of what the cameras see, in the coordinates of the scene's means, as the cameras. Yields after each step, and
+    can be closed there. Raises ProxyError when there is no camera, or the cameras show nothing of the scan; Cancelled soon
+    after `should_stop`, which may be asked in other threads, says True.
     """
     settings = settings or ProxySettings()
     if not cameras:
@@ -78,7 +80,7 @@ def _drawn(
     renderer = PlaneRenderer(scene, RenderSettings.for_scene(scene, settings.threads))
     views = []
     for number, camera in enumerate(cameras, 1):
-        yield ProxyStep(f"drawing view {number} of {len(cameras)}", FUSING * (number - 1) / len(cameras))
+        yield ProxyStep("drawing views", FUSING * (number - 1) / len(cameras), number, len(cameras))
         own = Camera(camera.intrinsics.pinhole().with_long_side(settings.long_side_px), camera.pose, camera.file)
         view = DepthView.of(own, *renderer.render(own, should_stop))
         if (view.depth > 0).any():
@@ -108,7 +110,9 @@ def _voxel(views: Sequence[DepthView], space: GridSpace, settings: ProxySettings
 def _surface(
     views: Sequence[DepthView], space: GridSpace, voxel: float
 ) -> Generator[ProxyStep, None, tuple[FloatArray, IntArray]]:
-    """Vertices (V, 3), relative to the grid's centre, and faces (F, 3) without floaters. Raises ProxyError where there are none."""
+    """Vertices (V, 3), relative to the grid's centre, and faces (F, 3) without floaters. Raises ProxyError where there is
+    none.
+    """
     yield ProxyStep("finding surfaces", FUSING)
     keys = allocated(surface_cells(views, space, voxel))
     parts = []
@@ -117,7 +121,7 @@ def _surface(
         share = min(1.0, len(parts) * CHUNK / len(keys))
         yield ProxyStep("fusing depth", FUSING + (DECIMATING - FUSING) * share)
     places, faces = surface_nets(Blocks(keys, np.concatenate(parts), voxel))
-    places, faces = compacted(places, without_floaters(faces, len(places)))
+    vertices, faces = compacted(space.from_grid(voxel * places).astype(np.float64), without_floaters(faces, len(places)))
     if len(faces) == 0:
         raise ProxyError("The cameras show no surface of the scan; check that they belong to it, or take other ones.")
-    return space.from_grid(voxel * places).astype(np.float64), faces
+    return vertices, faces

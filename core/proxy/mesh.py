@@ -30,8 +30,8 @@ class ProxyMesh:
     colors: Float32Array
 
     def uv(self, camera: Camera) -> Float32Array:
-        """Where the vertices lie in the photo of a camera (V, 2), its lens distortion included: (0, 0) is the photo's lower left
-        corner, (1, 1) its upper right one. NaN for vertices behind the camera.
+        """Where the vertices lie in the photo of a camera (V, 2), its lens distortion included: (0, 0) is the photo's lower
+        left corner, (1, 1) its upper right one. NaN for vertices behind the camera.
         """
         k = camera.intrinsics
         pixels = k.project(camera.pose.transform(self.vertices))

@@ -44,7 +44,7 @@ def open_edges(faces: IntArray) -> IntArray:
 
 
 def border_loops(faces: IntArray) -> list[IntArray]:
-    """The borders as closed chains of vertices, in the direction of their faces; one that touches itself is cut where it does."""
+    """The borders as closed chains of vertices, in the direction of their faces; where one touches itself, it is cut in two."""
     after: dict[int, list[int]] = {}
     for start, end in open_edges(faces).tolist():
         after.setdefault(start, []).append(end)
@@ -75,10 +75,11 @@ def border_loops(faces: IntArray) -> list[IntArray]:
 
 
 def with_holes_closed(vertices: FloatArray, faces: IntArray, widest: FloatArray) -> tuple[FloatArray, IntArray]:
-    """The mesh with a fan of triangles over each hole; `widest` (V,): how wide a hole at a vertex may be, scene units. Wider ones
-    are borders, and stay.
+    """The mesh with a fan of triangles over each hole; `widest` (V,): how wide a hole at a vertex may be, scene units. Wider
+    ones are borders, and stay.
     """
-    middles, fans = [], []
+    middles: list[FloatArray] = []
+    fans: list[IntArray] = []
     for loop in border_loops(faces):
         corners = vertices[loop]
         if len(loop) < 3 or np.linalg.norm(np.ptp(corners, axis=0)) > widest[loop].mean():

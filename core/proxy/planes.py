@@ -5,8 +5,8 @@ steps. Along a ray r (z = 1) through the camera's centre a Gaussian of mean m an
 
     1 / t = q . r,  q = S^-1 m / (m^T S^-1 m),
 
-which is the plane q . x = 1 (m relative to the camera's centre; compare Zhang et al., "RaDe-GS", 2024, who take it to first order).
-q does not depend on the pixel: blended as a colour is, it gives the mean inverse depth of each pixel's ray.
+which is the plane q . x = 1 (m relative to the camera's centre; compare Zhang et al., "RaDe-GS", 2024, who take it to first
+order). q does not depend on the pixel: blended as a colour is, it gives the mean inverse depth of each pixel's ray.
 """
 
 from __future__ import annotations
@@ -40,16 +40,17 @@ class PlaneRenderer:
         self._planes = SceneTables(self._tables.origin, block, self._tables.antialiased)
 
     def render(self, camera: Camera, should_stop: Callable[[], bool]) -> tuple[RenderedView, Float32Array]:
-        """The view, and depth by planes (H, W), camera-space z in scene units, the expected one where no plane is to be trusted.
-        Raises Cancelled when `should_stop` says True.
+        """The view, and depth by planes (H, W), camera-space z in scene units, the expected one where no plane is to be
+        trusted. Raises Cancelled when `should_stop` says True.
         """
         view = self._views.render(camera.intrinsics, camera.pose, should_stop)
         planes = self._towards(camera)
-        low, high = np.percentile(planes[:, self._in_front(camera)], RANGE_PCT) if planes.size else (0.0, 1.0)
+        front = planes[:, self._in_front(camera)]
+        low, high = np.percentile(front, RANGE_PCT) if front.size else (0.0, 1.0)
         width = max(float(high - low), 1e-12)
         self._planes.block[ROWS:] = np.clip((planes - low) / width, 0, 1)
         drawn = Renderer(self._planes, self._settings).render(camera.intrinsics, camera.pose, should_stop)
-        mean = low + width * drawn.color / np.maximum(view.alpha, 1e-6)[..., None]
+        mean = (low + width * drawn.color / np.maximum(view.alpha, 1e-6)[..., None]).astype(np.float32)
         return view, _depth(mean @ camera.pose.R.T.astype(np.float32), camera, view)
 
     def _towards(self, camera: Camera) -> Float32Array:

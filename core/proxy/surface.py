@@ -48,7 +48,7 @@ def _padded(blocks: Blocks) -> Float32Array:
         own = tuple(slice(SIDE, None) if o else slice(0, SIDE) for o in offset)
         there = tuple(slice(0, 1) if o else slice(0, SIDE) for o in offset)
         have = np.flatnonzero(other >= 0)
-        out[(have, *own)] = blocks.distance[(other[have], *there)]
+        out[have, *own] = blocks.distance[other[have]][:, *there]
     return out
 
 
@@ -60,12 +60,12 @@ def _padded_back(blocks: Blocks, number: IntArray) -> IntArray:
         own = tuple(slice(0, 1) if o else slice(1, None) for o in offset)
         there = tuple(slice(SIDE - 1, None) if o else slice(0, SIDE) for o in offset)
         have = np.flatnonzero(other >= 0)
-        out[(have, *own)] = number[(other[have], *there)]
+        out[have, *own] = number[other[have]][:, *there]
     return out
 
 
 def _crossings(values: Float32Array, axis: int) -> tuple[Float32Array, NDArray[np.int8]]:
-    """Of each edge along `axis`: where it is crossed, 0..1, NaN where not; and the sign, 1 where it leads inwards, 0 for none."""
+    """Of each edge along `axis`: where it is crossed, 0..1, NaN where not; and the sign, 1 where it leads inwards, 0: none."""
     lead = [slice(None)] * 4
     lead[axis + 1] = slice(0, SIDE)
     a = values[tuple(lead)]

@@ -1,4 +1,4 @@
-"""The exact depth of the sample room, by rays that meet its walls, boxes and balls: what a rendered depth, or a mesh, is held to."""
+"""The exact depth of the sample room, by rays that meet its walls, boxes and balls: what a depth, or a mesh, is held to."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ BUSH_REACH = 1.25  # radii of the bush within which its leaves lie, which are no
 
 
 def exact_depth(camera: Camera) -> FloatArray:
-    """Camera-space z (H, W) in scene units at each pixel's centre, for a pinhole; infinite where a ray leaves the room, NaN where
-    it passes through the bush.
+    """Camera-space z (H, W) in scene units at each pixel's centre, for a pinhole; infinite where a ray leaves the room, NaN
+    where it passes through the bush.
     """
     k, pose = camera.intrinsics, camera.pose
     x, y = np.meshgrid((pixel_centres(k.width) - k.cx) / k.fx, (pixel_centres(k.height) - k.cy) / k.fy)
@@ -35,7 +35,7 @@ def _to_panel(eye: FloatArray, rays: FloatArray, flat: Panel) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         length = (to_corner @ flat.normal) / (rays @ flat.normal)
         there = length[:, None] * rays - to_corner
-        inside = [(0 <= share) & (share <= 1) for share in (there @ side / (side @ side) for side in (flat.across, flat.down))]
+        inside = [(share >= 0) & (share <= 1) for share in (there @ side / (side @ side) for side in (flat.across, flat.down))]
     return np.asarray(np.where((length > 0) & inside[0] & inside[1], length, np.inf))
 
 

@@ -6,8 +6,8 @@ SAMPLES = 4_000_000  # pixels of triangles' boxes that are looked at together
 
 
 def mesh_depth(vertices, faces, camera):
-    """Camera-space z (H, W) at pixel centres, for a pinhole; 0 where no triangle is seen. Triangles that reach behind the camera
-    are left out.
+    """Camera-space z (H, W) at pixel centres, for a pinhole; 0 where no triangle is seen. Triangles that reach behind the
+    camera are left out.
     """
     k, local = camera.intrinsics, camera.pose.transform(vertices)
     faces = faces[(local[faces, 2] > 1e-3).all(axis=1)]
