@@ -36,6 +36,12 @@ def test_cancel_stops_the_running_job(bpy, extension, scene):
     assert bpy.ops.gssmc.refine.poll()
 
 
+def test_a_proxy_is_made(bpy, scene):
+    assert bpy.ops.gssmc.make_proxy(use="HOLDOUT", faces=300, long_side_px=96) == {"FINISHED"}
+    proxy = scene.objects["scan Proxy"]
+    assert proxy.is_holdout and proxy.gssmc.proxy_of == scene.gssmc.splat and 0 < len(proxy.data.polygons) <= 300
+
+
 def complaint(bpy):
     """The line that a refinement which cannot begin leaves in the panel."""
     with pytest.raises(RuntimeError):
