@@ -8,7 +8,7 @@ from ..errors import ProxyError
 from ..support.options import check_options, option
 
 # Of the triangles that the grid is made for; decimation leaves the budget. More make edges finer, and take longer.
-OVERSAMPLING = 4
+OVERSAMPLING = 6
 
 
 @dataclass(frozen=True)
