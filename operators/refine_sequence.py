@@ -64,7 +64,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         splat_object.picked(scene, scene.gssmc.splat)
         options = plate_options.options_of(self, scene)
         camera_channels.check_writable(scene.camera)
-        settings = settings_props.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
+        settings = settings_props.settings_from(scene.gssmc, self.properties)
         job = SequenceJob(scene, scene.camera, options, settings)
         problem.begin(self.bl_label, job.reports)
         return job

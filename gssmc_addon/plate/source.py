@@ -132,6 +132,16 @@ def load(path: Path, is_movie: bool) -> bpy.types.Image:
     return image
 
 
+def shot_name(path: Path) -> str:
+    """The name of a plate without the number of its file: "shot" of shot.0012.png; a movie's name is its own.
+
+    Where nothing but a number is left, it is the folder's.
+    """
+    number = None if path.suffix.lower() in bpy.path.extensions_movie else DIGITS.search(path.stem)
+    bare = path.stem if number is None else path.stem[: number.start()] + path.stem[number.end() :]
+    return (bare.strip("._- ") or path.parent.name or path.stem) + path.suffix
+
+
 def set_frames(data: bpy.types.Camera, image: bpy.types.Image, start: int, first: int, last: int) -> None:
     """Makes the background of `image` show the plate's first frame at frame `start` of the scene."""
     user = next(slot.image_user for slot in data.background_images if slot.image == image)

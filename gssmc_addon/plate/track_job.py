@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Generator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import bpy
 
@@ -19,13 +20,12 @@ from ..camera import bridge as camera_bridge
 from ..find import job as find_job
 from ..jobs.machine import Job
 from ..jobs.worker import RefineInputs
-from ..photo import image as photo_image
 from ..photo import mask as mask_source
-from ..photo.source import PhotoSource
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support.texts import iface_, n_, rpt_
 from . import source as plate_source
+from .reader import PlateReader
 from .targets import PlateTargets
 
 START_SHARE = 0.1  # of the progress, when the first frame is solved
@@ -51,7 +51,7 @@ class TrackJob(Job):
     def __init__(
         self, scene: bpy.types.Scene, camera: bpy.types.Object, options: TrackOptions, settings: RefineSettings
     ) -> None:
-        self._plate, self.frame = _plate_of(camera), scene.frame_current
+        plate, self.frame = _plate_of(camera), scene.frame_current
         if not options.start <= self.frame <= options.end:
             values = {"frame": self.frame, "start": options.start, "end": options.end}
             raise RefineError(
@@ -60,12 +60,13 @@ class TrackJob(Job):
         splat = scene.gssmc.splat
         copying = SplatCopying(splat)
         super().__init__(self._steps, copying)
-        self.options, self._settings, self._mask = options, settings, mask_source.of(camera)
+        self.options, self._settings = options, settings
+        self._reader = PlateReader(plate, mask_source.of(camera))
         self.targets = PlateTargets.of(scene, splat, camera)
         self._renderer = SplatRenderer(copying, settings.threads, keeps=True)
         self._finder = find_job.finder_of(scene, splat, self._renderer)
         copy = camera_bridge.read_camera(scene, camera, splat)
-        self._inputs = RefineInputs(self._renderer, self._source(self.frame), copy, settings)
+        self._inputs = RefineInputs(self._renderer, self._reader.source(self.frame), copy, settings)
         self.found = PartialTrack()
         self.reports: dict[int, RefineReport] = {}
         self._start: Camera | None = None
@@ -75,7 +76,12 @@ class TrackJob(Job):
         self.targets.find()
 
     def close(self) -> None:
+        self._reader.stop()
         self._renderer.close()
+
+    def advance(self) -> Any:
+        self._reader.serve()
+        return super().advance()
 
     def on_progress(self, news: RefineProgress | FindProgress | TrackProgress) -> None:
         if isinstance(news, TrackProgress):
@@ -97,15 +103,8 @@ class TrackJob(Job):
             return None
         low, high = min(self.found.ties), max(self.found.ties)
         first = self.reports[self.frame]
-        shot = Shot(self._read, range(low, high + 1), doubt="" if first.verdict == "trusted" else first.reasons[0])
+        shot = Shot(self._reader.read, range(low, high + 1), doubt="" if first.verdict == "trusted" else first.reasons[0])
         return track_of(shot, self._start, self.options.settings, self.found, time.perf_counter() - self._began)
-
-    def _source(self, frame: int) -> PhotoSource:
-        return mask_source.masked(plate_source.FrameSource(self._plate.plate, frame + self._plate.offset), self._mask)
-
-    def _read(self, frame: int) -> Photo:
-        photo: Photo = self._source(frame).read()
-        return photo
 
     def _steps(self) -> Generator[object, None, Track]:
         """The whole work, in the thread. Raises RefineError where the shown frame was not found."""
@@ -118,7 +117,7 @@ class TrackJob(Job):
         self._start = replace(report.camera, focal_guessed=report.start.focal_guessed and self._settings.lens != "fixed")
         frames = range(self.options.start, self.options.end + 1)
         doubt = "" if report.verdict == "trusted" else report.reasons[0]
-        shot = Shot(self._read, frames, self._recovered, doubt=doubt)
+        shot = Shot(self._reader.read, frames, self._recovered, doubt=doubt)
         renderer = self._renderer.get()
         return (yield from iterate_track(renderer, shot, {self.frame: self._start}, self.options.settings, self.found))
 
@@ -133,10 +132,8 @@ class TrackJob(Job):
 
 
 def _plate_of(camera: bpy.types.Object) -> plate_source.MovingPhoto:
-    """The camera's plate. Raises PhotoError where it has none, or one whose frames Blender alone can read."""
+    """The camera's plate. Raises PhotoError where it has none."""
     plate = plate_source.moving_photo(camera)
     if plate is None:
         raise PhotoError(plate_source.no_plate(camera))
-    if not plate.plate.is_movie and photo_image.is_linear(str(plate.plate.path)):
-        raise PhotoError(rpt_("OpenEXR frames cannot be tracked; save them with 8 or 16 bits, or use Refine Plate."))
     return plate

@@ -9,8 +9,8 @@ from ..camera import keys as camera_keys
 from ..camera import solution as camera_solution
 from ..camera.record import SolvedCamera
 from ..support.texts import rpt_
-from .job import by_sentence, frame_list
 from .track_job import TrackJob
+from .words import by_sentence, frame_list
 
 
 def write(job: TrackJob, track: Track) -> tuple[str, bool]:
