@@ -56,6 +56,7 @@ class SequenceJob(RetryQueue):
         super().__init__(len(frames), copying)
         self.options, self.settings, self.camera_name = options, settings, camera.name
         self.lens: Intrinsics | None = None  # The lens of the whole plate, once a frame has solved it.
+        self.lens_solved = False  # Whether the last stage made it exact too.
         self.lens_doubt = ""  # Why the frame that solved it is not trusted.
         self.unheld: dict[int, str] = {}  # Why keyed frames do not sit on the splat, as the last look at them says.
         self._cameras: dict[int, Camera] = {}
@@ -115,8 +116,8 @@ class SequenceJob(RetryQueue):
         if report.verdict != "failed":
             self.reports[frame] = report
             self.bad.pop(frame, None)
-            if self.lens is None and report.solved_lens and not self.options.key_lens:
-                self.lens = report.camera.intrinsics
+            if self.lens is None and report.camera.intrinsics != report.start.intrinsics and not self.options.key_lens:
+                self.lens, self.lens_solved = report.camera.intrinsics, report.solved_lens
                 self.lens_doubt = "" if report.verdict == "trusted" else first_reason(report)
         elif start is None:
             self.bad[frame] = first_reason(report)

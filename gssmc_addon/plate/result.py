@@ -21,7 +21,7 @@ def write(job: SequenceJob) -> tuple[str, bool]:
     camera_keys.write(scene, camera, splat, cameras, camera_keys.KeyOptions(job.options.key_lens, filled))
     seconds = sum(report.seconds for report in job.reports.values())
     trusted = not (job.bad or job.doubtful or job.unheld or job.lens_doubt)
-    solved = job.lens is not None or (job.options.key_lens and job.settings.lens != "fixed")
+    solved = job.lens_solved or (job.options.key_lens and job.settings.lens != "fixed")
     state = "SOLVED" if solved else camera.data.gssmc.lens_state
     first, verdict = cameras[min(cameras)], "trusted" if trusted else "check"
     solved_camera = SolvedCamera(first, verdict, tuple(job.reasons()), 0, seconds, state, job.median_depth, path=cameras)
