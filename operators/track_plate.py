@@ -7,19 +7,19 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, FloatProperty
 
-from ..core.errors import GssmcError
 from ..core.track import TrackSettings
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import options as plate_options
 from ..gssmc_addon.plate import track_result
+from ..gssmc_addon.plate.options import AsksForRange
 from ..gssmc_addon.plate.track_job import TrackJob, TrackOptions
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.support import problem
 
 
-class GSSMC_OT_track_plate(AskingJobOperator, bpy.types.Operator):
+class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
     """Find the camera of every frame of a movie or image sequence, beginning at the frame that is shown"""
 
     bl_idname = "gssmc.track_plate"
@@ -42,24 +42,6 @@ class GSSMC_OT_track_plate(AskingJobOperator, bpy.types.Operator):
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
     }
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        lack = plate_options.lack(context.scene)
-        if lack:
-            cls.poll_message_set(lack)
-            return False
-        return super().poll(context)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        try:
-            self.asked, shared = True, plate_options.shared_range(context.scene)
-        except GssmcError as error:
-            return self.refuse(context, str(error))
-        for name, frame in zip(("start", "end"), shared, strict=True):
-            if not self.properties.is_property_set(name):
-                setattr(self, name, frame)
-        return context.window_manager.invoke_props_dialog(self, confirm_text="Track Plate")
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True

@@ -90,6 +90,12 @@ def has_clip(camera: bpy.types.Object) -> bool:
     return clips and photo_image.camera_photo(camera) is None
 
 
+def moves(camera: bpy.types.Object) -> bool:
+    """Whether the camera has a plate; cheap, for it is asked at every redraw."""
+    image = photo_image.camera_photo(camera)
+    return image.source in MOVING if image else has_clip(camera)
+
+
 def no_plate(camera: bpy.types.Object) -> str:
     """What to tell of a camera without a plate."""
     return rpt_('The camera "{name}" has no image sequence or movie; use Add Plate in the GS-SMC panel.', name=camera.name)

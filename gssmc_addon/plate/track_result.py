@@ -9,6 +9,7 @@ from ..camera import keys as camera_keys
 from ..camera import solution as camera_solution
 from ..camera.record import SolvedCamera
 from ..support.texts import rpt_
+from . import errors as frame_errors
 from .track_job import TrackJob
 from .words import by_sentence, frame_list
 
@@ -30,6 +31,7 @@ def write(job: TrackJob, track: Track) -> tuple[str, bool]:
     first = cameras[min(cameras)]
     solved = SolvedCamera(first, track.verdict, lines, 0, track.seconds, state, track.median_depth, path=cameras)
     camera_solution.keep(scene, camera, splat, solved)
+    frame_errors.write(camera.data, track.frames)
     weak = [frame.frame for frame in track.frames if frame.state != "good"]
     camera.data.gssmc.frames_done, camera.data.gssmc.bad_frames = len(track.frames), frame_list(weak)
     camera.data.gssmc.weak_frames = " ".join(map(str, weak))

@@ -151,6 +151,13 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
         "frames_done": IntProperty(name="Frames", description="Frames of the last refinement of a plate; 0: it was of a photo"),
         "seconds": FloatProperty(name="Seconds", description="How long the last refinement took"),
+        "frame_error_px": FloatProperty(
+            name="Error (px)",
+            description="RMS distance of this frame's corners from where the splat has them, in pixels of the plate. Its curve "
+            "is in the Graph Editor",
+            min=0,
+            precision=2,
+        ),
         "weak_frames": StringProperty(name="Weak Frames", description="The numbers of all frames that are not held well"),
         "bad_frames": StringProperty(
             name="Bad Frames", description="Frames of a plate that could not be refined and have no key"

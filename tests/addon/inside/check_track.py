@@ -1,9 +1,10 @@
 """Track Plate: every frame keyed where the camera truly was, what is lost filled and said, nothing changed on refusal."""
 
+import cv2
 import numpy as np
 import pytest
 import rooms
-from check_sequence import BAD_FRAME, COUNT, errors, keyed, plate, set_up  # noqa: F401  # `plate` is a fixture
+from check_sequence import BAD_FRAME, COUNT, FIRST, errors, keyed, plate, set_up  # noqa: F401  # `plate` is a fixture
 
 FRAMES = range(1, COUNT + 1)
 
@@ -53,3 +54,33 @@ def test_what_cannot_be_tracked_is_refused_and_nothing_keyed(bpy, plate):  # noq
     with pytest.raises(RuntimeError, match="begins at the frame that is shown, 7; go to one from 1 to 4"):
         track(bpy, start=1, end=4)
     assert scene.camera.animation_data is None
+
+
+def test_the_error_of_every_frame_is_a_curve(bpy, plate, extension):  # noqa: F811
+    scene = set_up(bpy, plate, "broken")
+    assert track(bpy) == {"FINISHED"}
+    found = extension("gssmc_addon.plate.errors").read(scene.camera.data)
+    assert set(found) == set(FRAMES) - {BAD_FRAME}
+    assert 0 < min(found.values()) <= max(found.values()) < 1
+    scene.frame_set(3)
+    assert scene.camera.data.gssmc.frame_error_px == pytest.approx(found[3])
+    picture = extension("gssmc_addon.plate.errors").drawn({**found, 8: 4.0})
+    assert (picture == (230, 90, 60)).all(-1).sum() > 20, "an error that is not good is red"
+
+
+def test_the_plate_without_its_distortion_goes_behind_the_camera(bpy, plate, extension, tmp_path):  # noqa: F811
+    scene = set_up(bpy, plate)
+    data, source = scene.camera.data, extension("gssmc_addon.plate.source")
+    shown = source.moving_photo(scene.camera)
+    photo = shown.frame_at(4).read()
+    lens = extension("gssmc_addon.camera.bridge").photo_intrinsics(scene, data, photo.width, photo.height)
+    assert bpy.ops.gssmc.undistort_plate(folder=str(tmp_path / "flat")) == {"FINISHED"}
+    files = sorted((tmp_path / "flat").iterdir())
+    assert [file.name for file in files] == [f"flat.{FIRST + k:04d}.png" for k in range(COUNT)]
+    wanted = extension("core.photos.undistort").undistorted(photo, lens).pixels
+    assert (cv2.imread(str(files[3]))[..., ::-1] == wanted).all()
+    slot = next(slot for slot in data.background_images if slot.show_background_image)
+    assert (slot.image, slot.image_user.frame_start) == (data.gssmc.undistorted, 1)
+    assert source.moving_photo(scene.camera) == shown, "the plate stays what is tracked"
+    with pytest.raises(RuntimeError, match="is there already"):
+        bpy.ops.gssmc.undistort_plate(folder=str(tmp_path / "flat"))
