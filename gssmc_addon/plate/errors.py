@@ -1,4 +1,4 @@
-"""The error of every frame of a tracked plate: a curve of the camera's data, which the Graph Editor shows, and a picture of it."""
+"""The error of every frame of a tracked plate: a curve of the camera's data for the Graph Editor, and a picture of it."""
 
 from __future__ import annotations
 

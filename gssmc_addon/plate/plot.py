@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-import bpy.utils.previews
 import numpy as np
+from bpy.utils import previews
 
 from . import errors as frame_errors
 
@@ -38,9 +38,9 @@ def icon(data: bpy.types.Camera) -> int:
 
 
 def register() -> None:
-    _plots.previews = bpy.utils.previews.new()
+    _plots.previews = previews.new()
 
 
 def unregister() -> None:
-    bpy.utils.previews.remove(_plots.previews)
+    previews.remove(_plots.previews)
     _plots.previews = None
