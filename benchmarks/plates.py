@@ -43,7 +43,15 @@ from core.track import Shot, Track, TrackSettings, iterate_track
 
 SHARED = ROOT.parent / "shared" / "scenes" / "room"
 READOUT = 0.6
-SHOTS = {"plain": HandHeld(), "walker": HandHeld(walker=True), "rolling": HandHeld(readout=READOUT)}
+SHORT = 60
+SHOTS = {
+    "plain": HandHeld(),
+    "walker": HandHeld(walker=True),
+    "rolling": HandHeld(readout=READOUT),
+    "zoom": HandHeld(SHORT, zoom=1.3),
+    "covered": HandHeld(SHORT, covered=range(1021, 1041)),
+    "cut": HandHeld(SHORT, cut=1031),
+}
 GAUSSIANS = 40_000
 POINTS = 300
 NEAR = 0.2  # of the median depth
