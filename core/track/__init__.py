@@ -1,5 +1,6 @@
 """A moving plate tracked: every frame tied to the splat and to its neighbours, then one problem over the whole shot."""
 
+from .again import iterate_again
 from .report import FrameState, Track, TrackedFrame, TrackProgress
 from .settings import TrackSettings
 from .track import Shot, iterate_track, track_of
@@ -13,6 +14,7 @@ __all__ = [
     "TrackProgress",
     "TrackSettings",
     "TrackedFrame",
+    "iterate_again",
     "iterate_track",
     "track_of",
 ]

@@ -6,7 +6,6 @@ import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from ...batch.keys import key_of, scan_file_digest, stamp
@@ -96,9 +95,7 @@ def _tracked(work: ShotWork, job: _ShotJob) -> Outcome:
     saved = time.monotonic()
     try:
         starts = work.starts(job.frames, job.starts)
-        camera = next(iter(starts.values()))
-        recover = partial(work.recover, camera)
-        shot = Shot(work.frames.read, job.frames, recover, work.frames.name, " ".join(work.doubts))
+        shot = Shot(work.frames.read, job.frames, work.recover, work.frames.name, " ".join(work.doubts))
         with ProgressBar("Tracking") as bar:
             steps = iterate_track(work.renderer, shot, starts, job.settings, found)
             while True:

@@ -12,7 +12,8 @@ from core.pose.final.joint import JointProblem, fit_joint
 from core.pose.final.reprojection import reproject
 from core.pose.shared.lens import CALIBRATED_STD, GUESS_STD, CameraUnknowns, LensPrior, lens_difference, moved_lens
 from core.track.evidence import LENS, ROWS, XI, evidence_of
-from core.track.shot import Link, ShotProblem, motions, solve_shot
+from core.track.problem import Link, ShotProblem
+from core.track.shot import motions, solve_shot
 
 GIVEN = LensPrior(CAMERA, CALIBRATED_STD, "calibrated")
 DEPTH = 3.5

@@ -121,7 +121,7 @@ def test_behind_a_cut_frames_are_found_anew_and_followed_back_to_it(room, photos
 
     def recover(photo, last):
         asked.append(last)
-        return AWAY if len(asked) == 3 else None
+        return Camera(LENS, AWAY) if len(asked) == 3 else None
 
     track = run(room, cut, recover=recover)
     assert len(asked) == 3, "after one lost frame, two and four"
@@ -137,7 +137,7 @@ def test_half_a_picture_that_is_hidden_costs_no_frame(room, photos):
 
 
 def test_a_frame_that_cannot_be_read_is_said_and_ends_nothing(room, photos):
-    track = run(room, {**photos, FRAMES[1]: None}, recover=lambda photo, last: true_pose(FRAMES[0]))
+    track = run(room, {**photos, FRAMES[1]: None}, recover=lambda photo, last: Camera(LENS, true_pose(FRAMES[0])))
     states = {frame.frame: (frame.state, frame.reason) for frame in track.frames}
     assert states[FRAMES[1]] == ("lost", "The file is damaged.")
     assert {states[f][0] for f in FRAMES[2:]} == {"good"}
