@@ -1,12 +1,14 @@
 """A moving plate tracked: every frame tied to the splat and to its neighbours, then one problem over the whole shot."""
 
 from .again import iterate_again
+from .focal import FocalKind
 from .report import FrameState, Track, TrackedFrame, TrackProgress
 from .settings import TrackSettings
 from .track import Shot, iterate_track, track_of
 from .walk import PartialTrack
 
 __all__ = [
+    "FocalKind",
     "FrameState",
     "PartialTrack",
     "Shot",
