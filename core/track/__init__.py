@@ -4,7 +4,7 @@ from .again import iterate_again
 from .focal import FocalKind
 from .report import FrameState, Track, TrackedFrame, TrackProgress
 from .settings import TrackSettings
-from .track import Shot, iterate_track, track_of
+from .track import Shot, Tracking, iterate_track, track_of
 from .walk import PartialTrack
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "TrackProgress",
     "TrackSettings",
     "TrackedFrame",
+    "Tracking",
     "iterate_again",
     "iterate_track",
     "track_of",

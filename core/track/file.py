@@ -53,10 +53,8 @@ def read_track(path: Path) -> Track:
         raise CameraError(f"'{path.name}' is no track; give the file that track wrote.")
     try:
         frames = tuple(sorted(map(_frame, records), key=lambda frame: frame.frame))
-        numbers, told = (
-            lens_from_dict(data["lens"]),
-            {name: float(data[name]) for name in ("readout", "median_depth", "seconds")},
-        )
+        numbers = lens_from_dict(data["lens"]) if data["lens"] else ()
+        told = {name: float(data[name]) for name in ("readout", "median_depth", "seconds")}
         lens, verdict, reasons = frames[0].camera.intrinsics, data["verdict"], tuple(map(str, data["reasons"]))
         if verdict not in STATE_OF:
             raise ValueError(verdict)

@@ -145,7 +145,7 @@ def test_the_table_is_sane():
 
 
 def test_a_damaged_exr_is_one_sentence(put):
-    with pytest.raises(PhotoError, match="'a.exr' is no whole OpenEXR file"):
+    with pytest.raises(PhotoError, match=r"'a\.exr' is no whole OpenEXR file"):
         read_photo(put(b"\x76\x2f\x31\x01" + bytes(100), "a.exr"))
 
 
@@ -170,7 +170,7 @@ def test_an_exr_file_of_one_grey_channel_is_grey_and_one_without_colour_says_so(
     assert (photo.pixels == photo.pixels[..., :1]).all()
     np.testing.assert_array_equal(photo.mask, LIGHT > 1)
     write_exr(tmp_path / "z.exr", {"Z": LIGHT})
-    with pytest.raises(PhotoError, match="'z.exr' has the channels Z; a picture has R, G and B, or Y"):
+    with pytest.raises(PhotoError, match=r"'z\.exr' has the channels Z; a picture has R, G and B, or Y"):
         read_photo(tmp_path / "z.exr")
 
 
