@@ -77,8 +77,8 @@ def refine_starts(
     on_progress: Callable[[RefineProgress], None] | None = None,
 ) -> RefineReport:
     """Refines from one start after the other until one does not fail; a start's sentence becomes the last reason of its report.
-    Where all fail, the first one's report. Its seconds are those of all that was tried. Raises the GssmcError of whatever cannot
-    be used.
+    Where all fail, the first one's report. Its seconds are those of all that was tried. Raises the GssmcError of whatever
+    cannot be used.
     """
     first, seconds = None, 0.0
     for start, sentence in starts:

@@ -90,6 +90,12 @@ def _pixel_aspect(movie: cv2.VideoCapture) -> float:
     return ratio if SMALLEST <= ratio <= LARGEST else 1.0
 
 
+def number_of(file: str) -> int | None:
+    """The frame's number in the name of a sequence's file; None where it has none."""
+    found = DIGITS.search(Path(file).stem)
+    return int(found.group()) if found else None
+
+
 def behind_gaps(plate: Plate, first: int, last: int) -> list[int]:
     """The numbers of a sequence's files before `first` or behind `last`, from which a missing file parts them."""
     found = DIGITS.search(plate.path.stem)

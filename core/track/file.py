@@ -63,6 +63,14 @@ def read_track(path: Path) -> Track:
         raise CameraError(f"'{path.name}' is no track, or a damaged one ({error}); give the file that track wrote.") from None
 
 
+def frame_numbers(path: Path) -> list[int]:
+    """The numbers of a track's frames in the order of its file; empty where the file is none."""
+    try:
+        return [int(record["frame"]) for record in load_json(path)["frames"]]
+    except (CameraError, LookupError, TypeError, ValueError):
+        return []
+
+
 def _frame(record: Any) -> TrackedFrame:
     camera = camera_from_dict(record, f"Frame {record['frame']}")
     rms = float("nan") if record["rms_px"] is None else float(record["rms_px"])
