@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,12 @@ import numpy as np
 
 from ..errors import PhotoError
 from ..support.quiet import quiet_opencv
+from .exr import LARGEST, SMALLEST
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name
-
+# Movies tell their speed as a fraction such as 24000/1001.
+LARGEST_DENOMINATOR = 1001
 
 # What OpenCV's FFmpeg opens, and decodes with the help of some graphics cards alone.
 UNDECODED = {"av01": "AV1"}
@@ -67,6 +70,32 @@ def open_plate(path: str | Path) -> tuple[Plate, int, int]:
     return plate, first, last
 
 
+def frames_per_second(plate: Plate) -> Fraction | None:
+    """What a movie says of its speed; None of a sequence, and where nothing usable is said."""
+    if not plate.is_movie:
+        return None
+    with quiet_opencv():
+        movie = cv2.VideoCapture(str(plate.path))
+    try:
+        told = movie.get(cv2.CAP_PROP_FPS)
+    finally:
+        movie.release()
+    return Fraction(told).limit_denominator(LARGEST_DENOMINATOR) if 0 < told < float("inf") else None
+
+
+def _pixel_aspect(movie: cv2.VideoCapture) -> float:
+    """How wide a pixel is shown, in its heights."""
+    across, down = movie.get(cv2.CAP_PROP_SAR_NUM), movie.get(cv2.CAP_PROP_SAR_DEN)
+    ratio = across / down if across > 0 and down > 0 else 1.0
+    return ratio if SMALLEST <= ratio <= LARGEST else 1.0
+
+
+def number_of(file: str) -> int | None:
+    """The frame's number in the name of a sequence's file; None where it has none."""
+    found = DIGITS.search(Path(file).stem)
+    return int(found.group()) if found else None
+
+
 def behind_gaps(plate: Plate, first: int, last: int) -> list[int]:
     """The numbers of a sequence's files before `first` or behind `last`, from which a missing file parts them."""
     found = DIGITS.search(plate.path.stem)
@@ -107,6 +136,7 @@ def _read_movie(path: Path, number: int) -> Photo:
         if number < 1 or not movie.set(cv2.CAP_PROP_POS_FRAMES, number - 1):
             raise PhotoError(f"The movie '{path.name}' has no frame {number}.")
         count, coded = int(movie.get(cv2.CAP_PROP_FRAME_COUNT)), _codec(movie)
+        aspect = _pixel_aspect(movie)
         with quiet_opencv():
             ok, frame = movie.read()
     finally:
@@ -119,4 +149,4 @@ def _read_movie(path: Path, number: int) -> Photo:
                 "to an image sequence."
             )
         raise PhotoError(f"The movie '{path.name}' has no frame {number}.")
-    return Photo(np.ascontiguousarray(pixels[..., 2::-1]), str(path))
+    return Photo(np.ascontiguousarray(pixels[..., 2::-1]), str(path), pixel_aspect=aspect)

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import PhotoError, RefineError
-from ...core.geometry.camera import Camera, Pose
+from ...core.geometry.camera import Camera
 from ...core.locate import FindProgress
 from ...core.photos.photo import Photo
 from ...core.pose.report import RefineProgress, RefineReport
@@ -121,14 +121,14 @@ class TrackJob(Job):
         renderer = self._renderer.get()
         return (yield from iterate_track(renderer, shot, {self.frame: self._start}, self.options.settings, self.found))
 
-    def _recovered(self, photo: Photo, last: Pose) -> Pose | None:
+    def _recovered(self, photo: Photo, last: Camera) -> Camera | None:
         """A frame behind a gap, refined from the last known camera."""
         from ...core.pose.refine import refine
 
         assert self._start is not None, "the first frame is solved before any other"
-        camera = replace(self._start, pose=last, focal_guessed=False)
+        camera = replace(self._start, pose=last.pose, intrinsics=last.intrinsics, focal_guessed=False)
         report = refine(self._renderer.get(), photo, camera, self._settings)
-        return None if report.verdict == "failed" else report.camera.pose
+        return None if report.verdict == "failed" else report.camera
 
 
 def _plate_of(camera: bpy.types.Object) -> plate_source.MovingPhoto:
