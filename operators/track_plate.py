@@ -5,18 +5,24 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..core.track import TrackSettings
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import options as plate_options
-from ..gssmc_addon.plate import track_result
+from ..gssmc_addon.plate import pins, track_result
 from ..gssmc_addon.plate.options import AsksForRange
 from ..gssmc_addon.plate.track_job import TrackJob, TrackOptions
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.support import problem
+
+FOCAL_ITEMS = (
+    ("fixed", "Fixed", "One focal length for the whole shot"),
+    ("breathing", "Breathing", "A lens whose picture grows a little as it is focused"),
+    ("zoom", "Zoom", "A lens that zooms"),
+)
 
 
 class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
@@ -32,6 +38,12 @@ class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
             name="Rolling Shutter",
             description="Solve for the time that the camera takes to read a frame out, from the first row to the last",
             default=False,
+        ),
+        "focal": EnumProperty(
+            name="Focal Length",
+            items=FOCAL_ITEMS,
+            default="fixed",
+            description="Whether the focal length changes over the shot; where it does, it is keyed",
         ),
         "smooth_frames": FloatProperty(
             name="Smooth (frames)",
@@ -49,18 +61,21 @@ class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
         for name in ("start", "end"):
             column.prop(self, name)
         column = self.layout.column()
-        for name in ("rolling_shutter", "smooth_frames"):
+        for name in ("focal", "rolling_shutter", "smooth_frames"):
             column.prop(self, name)
 
     def make_job(self, context: bpy.types.Context) -> TrackJob:
         context.view_layer.update()  # Scripts set locations and expect them to be used.
         scene = context.scene
         splat_object.picked(scene, scene.gssmc.splat)
-        frames = plate_options.range_of(self, scene)
+        start, end = plate_options.range_of(self, scene)
         camera_channels.check_writable(scene.camera)
         settings = settings_props.settings_from(scene.gssmc, self.properties)
-        track = TrackSettings(settings.long_side_px, settings.lens != "fixed", self.rolling_shutter, self.smooth_frames)
-        job = TrackJob(scene, scene.camera, TrackOptions(*frames, track), settings)
+        solve = settings.lens != "fixed"
+        track = TrackSettings(settings.long_side_px, solve, self.rolling_shutter, self.smooth_frames, self.focal)
+        before = track_result.earlier(scene, scene.camera, start, end)
+        pinned = pins.poses(scene, scene.camera, scene.gssmc.splat, start, end)
+        job = TrackJob(scene, scene.camera, TrackOptions(start, end, track, before, pinned), settings)
         problem.begin(self.bl_label, job.reports)
         return job
 

@@ -6,6 +6,7 @@ import bpy
 
 from ..refine import panel as panels
 from ..support.texts import iface_
+from . import pins
 from . import plot as frame_plot
 from .source import moves
 
@@ -28,6 +29,9 @@ class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         column.operator("gssmc.track_plate", text="Track Every Frame...", icon="TRACKER")
         column.operator("gssmc.refine_sequence", text="Refine Every Nth Frame...", icon="CAMERA_DATA")
+        pinned = context.scene.frame_current in pins.frames(camera.data)
+        text = iface_("Unpin This Frame") if pinned else iface_("Pin This Frame")
+        column.operator("gssmc.pin_frame", text=text, icon="PINNED" if pinned else "UNPINNED", translate=False)
         _draw_errors(layout, camera)
         if camera.data.gssmc.bad_frames:
             text = iface_("Weak or bad frames: {frames}", frames=camera.data.gssmc.bad_frames)

@@ -55,7 +55,7 @@ def keep_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], i
     if verdict == "none":
         props.solution, props.solved_photo = "", None
     props.verdict, props.reasons = verdict.upper(), "\n".join(reasons)
-    props.iterations_done, props.seconds, props.frames_done = iterations, seconds, 0
+    props.iterations_done, props.seconds, props.frames_done, props.track = iterations, seconds, 0, ""
 
 
 def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
@@ -157,6 +157,10 @@ class GssmcCamera(bpy.types.PropertyGroup):
             "is in the Graph Editor",
             min=0,
             precision=2,
+        ),
+        "track": StringProperty(name="Track", description="The tracked plate as JSON, every frame with how well it is held"),
+        "pinned_frames": StringProperty(
+            name="Pinned Frames", description="The numbers of the frames whose camera is the user's; tracking holds it exactly"
         ),
         "weak_frames": StringProperty(name="Weak Frames", description="The numbers of all frames that are not held well"),
         "bad_frames": StringProperty(

@@ -84,3 +84,51 @@ def test_the_plate_without_its_distortion_goes_behind_the_camera(bpy, plate, ext
     assert source.moving_photo(scene.camera) == shown, "the plate stays what is tracked"
     with pytest.raises(RuntimeError, match="is there already"):
         bpy.ops.gssmc.undistort_plate(folder=str(tmp_path / "flat"))
+
+
+def places(camera):
+    """Where the keys of the camera's location stand, by frame."""
+    strips = [s for layer in camera.animation_data.action.layers for s in layer.strips]
+    curves = [c for s in strips for c in s.channelbag(camera.animation_data.action_slot).fcurves if c.data_path == "location"]
+    return {int(points[0].co.x): [p.co.y for p in points] for points in zip(*(c.keyframe_points for c in curves), strict=True)}
+
+
+@pytest.mark.main_only
+def test_a_range_is_tracked_anew_and_the_rest_stays(bpy, plate, extension):  # noqa: F811
+    scene = set_up(bpy, plate)
+    assert track(bpy) == {"FINISHED"}
+    camera, before = scene.camera, places(scene.camera)
+    for frame in (4, 5, 6):
+        scene.frame_set(frame)
+        camera.location.x += 0.02
+        camera.keyframe_insert("location", frame=frame)
+    scene.frame_set(5)
+    assert track(bpy, start=4, end=6) == {"FINISHED"}
+    after = places(camera)
+    assert {f: after[f] for f in FRAMES if not 4 <= f <= 6} == {f: before[f] for f in FRAMES if not 4 <= f <= 6}
+    assert errors(bpy, extension, scene, plate[1], (4, 5, 6))[:, 0].max() < 0.01
+    data = camera.data.gssmc
+    assert (data.verdict, data.frames_done, data.weak_frames) == ("TRUSTED", COUNT, "")
+    for frame in FRAMES:
+        scene.frame_set(frame)
+        assert extension("gssmc_addon.camera.solution").change(scene, camera) == ""
+
+
+def test_a_pinned_frame_is_held_exactly(bpy, plate, extension):  # noqa: F811
+    scene = set_up(bpy, plate)
+    camera = scene.camera
+    assert track(bpy) == {"FINISHED"}
+    scene.frame_set(5)
+    camera.location.x += 0.02
+    assert bpy.ops.gssmc.pin_frame() == {"FINISHED"}
+    assert kinds(camera)[5] == "EXTREME"
+    pinned = places(camera)[5]
+    scene.frame_set(1)
+    assert track(bpy) == {"FINISHED"}
+    assert kinds(camera)[5] == "EXTREME"
+    assert places(camera)[5] == pytest.approx(pinned, abs=1e-5)
+    assert errors(bpy, extension, scene, plate[1], (1, 3, 7, 9))[:, 0].max() < 0.01
+    assert "5" in camera.data.gssmc.weak_frames.split(), "a camera that is off is told, also where the user set it"
+    scene.frame_set(5)
+    assert bpy.ops.gssmc.pin_frame() == {"FINISHED"}
+    assert (camera.data.gssmc.pinned_frames, kinds(camera)[5]) == ("", "KEYFRAME")
