@@ -132,3 +132,30 @@ def test_a_pinned_frame_is_held_exactly(bpy, plate, extension):  # noqa: F811
     scene.frame_set(5)
     assert bpy.ops.gssmc.pin_frame() == {"FINISHED"}
     assert (camera.data.gssmc.pinned_frames, kinds(camera)[5]) == ("", "KEYFRAME")
+
+
+def test_the_camera_goes_to_other_programs(bpy, plate, extension, tmp_path):  # noqa: F811
+    """Nuke's .chan as its place and field of view say, and Alembic, which Blender itself writes and reads."""
+    scene = set_up(bpy, plate)
+    assert track(bpy, start=1, end=3) == {"FINISHED"}
+    file = tmp_path / "shot.chan"
+    assert bpy.ops.gssmc.export_cameras(filepath=str(file), format="CHAN") == {"FINISHED"}
+    rows = np.loadtxt(file)
+    assert rows[:, 0].tolist() == [1, 2, 3]
+    truths = plate[1]
+    np.testing.assert_allclose(rows[:, 1:4], [truth.pose.centre for truth in truths[:3]], atol=0.02)
+    assert np.radians(rows[0, 7]) == pytest.approx(2 * np.arctan(rooms.HEIGHT / (2 * truths[0].intrinsics.fy)), rel=1e-3)
+    camera = scene.camera
+    camera.select_set(True)
+    abc = tmp_path / "shot.abc"
+    bpy.ops.wm.alembic_export(filepath=str(abc), start=1, end=3, selected=True)
+    wanted = []
+    for frame in (1, 2, 3):
+        scene.frame_set(frame)
+        wanted.append(np.array(camera.matrix_world))
+    known = set(bpy.data.objects)
+    bpy.ops.wm.alembic_import(filepath=str(abc), as_background_job=False)
+    came = next(o for o in bpy.data.objects if o not in known and o.type == "CAMERA")
+    for frame, matrix in zip((1, 2, 3), wanted, strict=True):
+        scene.frame_set(frame)
+        np.testing.assert_allclose(np.array(came.matrix_world), matrix, atol=1e-4)
