@@ -95,10 +95,8 @@ class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
         track = job.kept()
         if track is None:
             return super().stopped(context, job)
-        values = {"count": len(track.frames), "start": job.options.start, "end": job.options.end}
-        text = rpt_("The tracking was stopped: {count} of the frames from {start} to {end} have a camera.", **values)
-        if len(track.frames) == 1:
-            text = rpt_("The tracking was stopped: 1 of the frames from {start} to {end} has a camera.", **values)
+        values = {"count": len(track.frames), "start": track.frames[0].frame, "end": track.frames[-1].frame}
+        text = rpt_("The tracking was stopped. Frames that have a camera: {count}, from {start} to {end}.", **values)
         return self.apply(context, job, replace(track, reasons=(text, *track.reasons)))
 
 

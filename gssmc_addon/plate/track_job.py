@@ -38,9 +38,9 @@ START_SHARE = 0.1  # of the progress, when the first frame is solved
 
 @dataclass(frozen=True)
 class TrackOptions:
-    """Frames of the scene from `start` to `end`. `live`: the camera is shown as it goes; `before`: the track of which they are a
-    part to be made anew, None where the whole is made; `pinned`: poses that are held, world-to-camera in the coordinates of the
-    splat's file, by frame.
+    """Frames of the scene from `start` to `end`. `live`: the camera is shown as it goes; `before`: the track of which they are
+    a part to be made anew, None where the whole is made; `pinned`: poses that are held, world-to-camera in the coordinates of
+    the splat's file, by frame.
     """
 
     start: int
