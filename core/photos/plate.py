@@ -17,8 +17,8 @@ from .exr import LARGEST, SMALLEST
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name
-# Movies tell their speed as a fraction such as 24000/1001.
-LARGEST_DENOMINATOR = 1001
+# Movies tell their speed as a fraction such as 24000/1001, or to so many frames a second of it.
+NTSC, ROUNDED = Fraction(1000, 1001), 0.005
 
 # What OpenCV's FFmpeg opens, and decodes with the help of some graphics cards alone.
 UNDECODED = {"av01": "AV1"}
@@ -80,7 +80,11 @@ def frames_per_second(plate: Plate) -> Fraction | None:
         told = movie.get(cv2.CAP_PROP_FPS)
     finally:
         movie.release()
-    return Fraction(told).limit_denominator(LARGEST_DENOMINATOR) if 0 < told < float("inf") else None
+    if not 0 < told < float("inf"):
+        return None
+    speeds = (Fraction(round(told)), round(told / NTSC) * NTSC)
+    near = min(speeds, key=lambda speed: abs(told - speed))
+    return near if abs(told - near) < ROUNDED else Fraction(told).limit_denominator(NTSC.denominator)
 
 
 def _pixel_aspect(movie: cv2.VideoCapture) -> float:
