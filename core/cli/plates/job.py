@@ -13,7 +13,7 @@ from ...errors import CameraError
 from ...geometry.camera import Camera, Pose
 from ...photos.plate import Plate, frames_per_second
 from ...support.words import counted
-from ...track import PartialTrack, Shot, Track, Tracking, TrackSettings, iterate_again, iterate_track
+from ...track import Earlier, PartialTrack, Shot, Track, Tracking, TrackSettings, iterate_again, iterate_track
 from ...track.file import track_to_dict
 from ...track.journal import read_found, write_found
 from ..commands.refine import pick_wanted, wanted_camera
@@ -72,7 +72,8 @@ class ShotJob:
             return iterate_track(work.renderer, shot, starts, self.settings, found)
         starts = work.starts(self.frames, self.starts) if self.starts else {}
         shot = replace(shot, doubt=" ".join(work.doubts))
-        return iterate_again(work.renderer, shot, moved(self.before, work.scene.origin), self.settings, starts, found)
+        earlier = Earlier(moved(self.before, work.scene.origin), starts)
+        return iterate_again(work.renderer, shot, earlier, self.settings, found)
 
     def _followed(self, steps: Tracking, found: PartialTrack) -> Track:
         """The work to its end, with progress, saved from time to time."""
