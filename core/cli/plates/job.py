@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ...batch.place import starts_in_scene
 from ...cameras.training_world import ScanAxes
-from ...errors import CameraError
+from ...errors import CameraError, PhotoError
 from ...geometry.camera import Camera, Pose
 from ...photos.plate import Plate, frames_per_second
 from ...support.words import counted
@@ -92,13 +93,15 @@ class ShotJob:
 
     def _about(self, work: ShotWork, track: Track) -> dict[str, Any]:
         """What is known of the plate beside its cameras."""
-        tied = [frame.frame for frame in track.frames if frame.state != "lost"]
-        speed = frames_per_second(self.plate)
+        tied = [frame.frame for frame in track.frames if frame.state != "lost" and frame.frame in self.frames]
+        speed, aspect = frames_per_second(self.plate), None
+        with suppress(PhotoError):
+            aspect = round(work.frames.read(tied[0]).pixel_aspect, 6) if tied else None
         return {
             "file": str(self.plate.path),
             "fps": None if speed is None else round(float(speed), 6),
             "fps_exact": None if speed is None else f"{speed.numerator}/{speed.denominator}",
-            "pixel_aspect": round(work.frames.read(tied[0]).pixel_aspect, 6) if tied else None,
+            "pixel_aspect": aspect,
         }
 
 
