@@ -20,6 +20,7 @@ from ..operators import (
     import_splats,
     match_resolution,
     models,
+    pin_frame,
     preview,
     refine,
     refine_all,
@@ -33,6 +34,7 @@ from ..operators import (
     set_masks,
     track_plate,
     undistort_photo,
+    undistort_plate,
     up_axis,
     weak_frame,
 )
@@ -41,6 +43,7 @@ from .headless import command as cli
 from .jobs import slot
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
+from .plate import plot as frame_plot
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch
@@ -73,12 +76,14 @@ _class_modules = (
     back_to_solution,
     match_resolution,
     undistort_photo,
+    undistort_plate,
     up_axis,
     report_problem,
     reset_settings,
     add_plate,
     track_plate,
     refine_sequence,
+    pin_frame,
     weak_frame,
     panels,
     photo_panel,
@@ -95,6 +100,7 @@ def register() -> None:
         for cls in module.classes:
             bpy.utils.register_class(cls)
     menus.register()
+    frame_plot.register()
     preferences.register()
     slot.register()
     camera_frame.register()
@@ -112,6 +118,7 @@ def unregister() -> None:
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
     preferences.unregister()
+    frame_plot.unregister()
     menus.unregister()
     for module in reversed(_class_modules):
         for cls in reversed(module.classes):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,6 @@ from .exr import LARGEST, SMALLEST
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name
-# Movies tell their speed as a fraction such as 24000/1001, or to so many frames a second of it.
-NTSC, ROUNDED = Fraction(1000, 1001), 0.005
-
 # What OpenCV's FFmpeg opens, and decodes with the help of some graphics cards alone.
 UNDECODED = {"av01": "AV1"}
 
@@ -68,23 +64,6 @@ def open_plate(path: str | Path) -> tuple[Plate, int, int]:
     while plate.file(last + 1).is_file():
         last += 1
     return plate, first, last
-
-
-def frames_per_second(plate: Plate) -> Fraction | None:
-    """What a movie says of its speed; None of a sequence, and where nothing usable is said."""
-    if not plate.is_movie:
-        return None
-    with quiet_opencv():
-        movie = cv2.VideoCapture(str(plate.path))
-    try:
-        told = movie.get(cv2.CAP_PROP_FPS)
-    finally:
-        movie.release()
-    if not 0 < told < float("inf"):
-        return None
-    speeds = (Fraction(round(told)), round(told / NTSC) * NTSC)
-    near = min(speeds, key=lambda speed: abs(told - speed))
-    return near if abs(told - near) < ROUNDED else Fraction(told).limit_denominator(NTSC.denominator)
 
 
 def _pixel_aspect(movie: cv2.VideoCapture) -> float:

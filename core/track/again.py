@@ -29,8 +29,9 @@ def iterate_again(
     `iterate_track` does.
 
     The frames on either side of the range are what it begins at and what it is tied to; they and all others are returned as
-    they were, so are the lens of the shot and the read-out of its shutter, which hold for the range as well. Raises RefineError
-    where the range has neither neighbours that are tied to the splat nor a start.
+    they were, so are the lens of the shot and the read-out of its shutter, which hold for the range as well; of a track with a
+    zoom, the focal length of these frames is solved anew. Raises RefineError where the range has neither neighbours that are
+    tied to the splat nor a start.
     """
     before = earlier.track
     wanted, known = set(shot.frames), {frame.frame: frame for frame in before.frames}
@@ -39,6 +40,8 @@ def iterate_again(
     if not ends and not earlier.starts:
         raise RefineError("No frame beside the range is tied to the splat; give a start inside of it, or a wider range.")
     cameras = {f: replace(frame.camera, focal_guessed=False) for f, frame in ends.items()}
+    if settings.focal_change is None and len({frame.camera.intrinsics.focal for frame in before.frames}) > 1:
+        settings = replace(settings, focal="zoom")
     doubted = any(frame.reason == DOUBTED for frame in before.frames)
     whole = replace(
         shot,

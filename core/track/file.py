@@ -47,10 +47,14 @@ def read_track(path: Path) -> Track:
     """The track that `track_to_dict` made the file of, in the coordinates that it was written in. The lens of the shot is that
     of its first frame. Raises CameraError where the file is another one.
     """
-    data = load_json(path)
+    return track_from_dict(load_json(path), path.name)
+
+
+def track_from_dict(data: Any, name: str) -> Track:
+    """The track that `track_to_dict` made the dictionary of. Raises CameraError, with `name`, where it is another one."""
     records = data.get("frames") if isinstance(data, dict) else None
     if not isinstance(records, list) or not records:
-        raise CameraError(f"'{path.name}' is no track; give the file that track wrote.")
+        raise CameraError(f"'{name}' is no track; give the file that track wrote.")
     try:
         frames = tuple(sorted(map(_frame, records), key=lambda frame: frame.frame))
         numbers = lens_from_dict(data["lens"]) if data["lens"] else ()
@@ -60,7 +64,7 @@ def read_track(path: Path) -> Track:
             raise ValueError(verdict)
         return Track(frames, lens, numbers, verdict=verdict, reasons=reasons, **told)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise CameraError(f"'{path.name}' is no track, or a damaged one ({error}); give the file that track wrote.") from None
+        raise CameraError(f"'{name}' is no track, or a damaged one ({error}); give the file that track wrote.") from None
 
 
 def frame_numbers(path: Path) -> list[int]:

@@ -151,6 +151,17 @@ class FrameMatcher:
         solved = SolvedFrame.of(photo, fit, matches, depth)
         return solved if solved.cells >= MIN_CELLS else None
 
+    def shift_px(self, photo: WorkingPhoto, pose: Pose) -> float | None:
+        """How far the photo's corners lie from where the splat, rendered at `pose`, shows them: the median, pixels of `photo`.
+        None where too few are found again, as deep in motion blur, or far from the true pose.
+        """
+        view = sole_renderer(self.renderer).render(photo.pinhole, pose)
+        corners = pick_corners(photo, pose, view)
+        found, k = _drawn_to(photo, PosedRender(view, pose, reference=True), corners), photo.pinhole
+        if len(found) < MIN_MATCHES:
+            return None
+        return float(np.median(np.linalg.norm(k.to_pixels(found.query) - k.to_pixels(found.view), axis=1)))
+
     def _held(self, guess: CameraUnknowns, matches: ViewMatches, carried: Carried | None, photo: WorkingPhoto) -> JointFit:
         """The fit of the matches with the splat, held by the corners carried over from the neighbour, where there are any; its
         problem is that of the splat alone.

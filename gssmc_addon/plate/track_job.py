@@ -3,42 +3,55 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import bpy
 
 from ...core.errors import PhotoError, RefineError
-from ...core.geometry.camera import Camera
+from ...core.geometry.camera import Camera, Pose
 from ...core.locate import FindProgress
 from ...core.photos.photo import Photo
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
-from ...core.track import PartialTrack, Shot, Track, TrackProgress, TrackSettings, iterate_track, track_of
+from ...core.track import (
+    Earlier,
+    PartialTrack,
+    Shot,
+    Track,
+    TrackProgress,
+    TrackSettings,
+    iterate_again,
+    iterate_track,
+    track_of,
+)
 from ..camera import bridge as camera_bridge
 from ..find import job as find_job
 from ..jobs.machine import Job
 from ..jobs.worker import RefineInputs
-from ..photo import image as photo_image
 from ..photo import mask as mask_source
-from ..photo.source import PhotoSource
 from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support.texts import iface_, n_, rpt_
 from . import source as plate_source
+from .reader import PlateReader
 from .targets import PlateTargets
 
 START_SHARE = 0.1  # of the progress, when the first frame is solved
-JOIN_S = 1.0
 
 
 @dataclass(frozen=True)
 class TrackOptions:
-    """Frames of the scene from `start` to `end`."""
+    """Frames of the scene from `start` to `end`. `before`: the track of which they are a part to be made anew, None where the
+    whole is made; `pinned`: poses that are held, world-to-camera in the coordinates of the splat's file, by frame.
+    """
 
     start: int
     end: int
     settings: TrackSettings
+    before: Track | None = None
+    pinned: Mapping[int, Pose] = field(default_factory=dict)
 
 
 class TrackJob(Job):
@@ -51,7 +64,7 @@ class TrackJob(Job):
     def __init__(
         self, scene: bpy.types.Scene, camera: bpy.types.Object, options: TrackOptions, settings: RefineSettings
     ) -> None:
-        self._plate, self.frame = _plate_of(camera), scene.frame_current
+        plate, self.frame = _plate_of(camera), scene.frame_current
         if not options.start <= self.frame <= options.end:
             values = {"frame": self.frame, "start": options.start, "end": options.end}
             raise RefineError(
@@ -60,12 +73,15 @@ class TrackJob(Job):
         splat = scene.gssmc.splat
         copying = SplatCopying(splat)
         super().__init__(self._steps, copying)
-        self.options, self._settings, self._mask = options, settings, mask_source.of(camera)
+        self.options, self._settings = options, settings
+        self._reader = PlateReader(plate, mask_source.of(camera))
         self.targets = PlateTargets.of(scene, splat, camera)
         self._renderer = SplatRenderer(copying, settings.threads, keeps=True)
         self._finder = find_job.finder_of(scene, splat, self._renderer)
         copy = camera_bridge.read_camera(scene, camera, splat)
-        self._inputs = RefineInputs(self._renderer, self._source(self.frame), copy, settings)
+        if options.before is not None:  # The lens of the shot holds for its parts.
+            copy, settings = replace(copy, solved=options.before.lens), replace(settings, lens="fixed")
+        self._inputs = RefineInputs(self._renderer, self._reader.source(self.frame), copy, settings)
         self.found = PartialTrack()
         self.reports: dict[int, RefineReport] = {}
         self._start: Camera | None = None
@@ -75,7 +91,12 @@ class TrackJob(Job):
         self.targets.find()
 
     def close(self) -> None:
+        self._reader.stop()
         self._renderer.close()
+
+    def advance(self) -> Any:
+        self._reader.serve()
+        return super().advance()
 
     def on_progress(self, news: RefineProgress | FindProgress | TrackProgress) -> None:
         if isinstance(news, TrackProgress):
@@ -92,35 +113,41 @@ class TrackJob(Job):
             self.fraction = START_SHARE * fraction
 
     def kept(self) -> Track | None:
-        """What was tracked when the user stopped, None where that is too little to key. Waits a moment for the thread."""
-        if self._start is None or not self.join(JOIN_S) or len(self.found.ties) < 2:
+        """What was tracked when the user stopped, None where that is too little to key. It works on what the thread has found
+        so far, without waiting for it.
+        """
+        found = replace(self.found, ties=dict(self.found.ties), links=list(self.found.links), lost=dict(self.found.lost))
+        if self._start is None or self.options.before is not None or len(found.ties) < 2:
             return None
-        low, high = min(self.found.ties), max(self.found.ties)
-        first = self.reports[self.frame]
-        shot = Shot(self._read, range(low, high + 1), doubt="" if first.verdict == "trusted" else first.reasons[0])
-        return track_of(shot, self._start, self.options.settings, self.found, time.perf_counter() - self._began)
+        shot = replace(self._shot(), frames=range(min(found.ties), max(found.ties) + 1))
+        return track_of(shot, self._start, self.options.settings, found, time.perf_counter() - self._began)
 
-    def _source(self, frame: int) -> PhotoSource:
-        return mask_source.masked(plate_source.FrameSource(self._plate.plate, frame + self._plate.offset), self._mask)
-
-    def _read(self, frame: int) -> Photo:
-        photo: Photo = self._source(frame).read()
-        return photo
+    def _shot(self) -> Shot:
+        report = self.reports.get(self.frame)
+        doubt = "" if report is None or report.verdict == "trusted" else report.reasons[0]
+        frames = range(self.options.start, self.options.end + 1)
+        return Shot(self._reader.read, frames, self._recovered, doubt=doubt, pinned=self.options.pinned)
 
     def _steps(self) -> Generator[object, None, Track]:
         """The whole work, in the thread. Raises RefineError where the shown frame was not found."""
+        before = self.options.before
         report: RefineReport = yield from self._finder.found_if_failed(self._inputs)
-        self.reports[self.frame] = report
-        if report.verdict == "failed":
+        if report.verdict == "failed" and before is None:
             raise RefineError(report.reasons[0])
         self._began = time.perf_counter()
-        # A lens that was guessed is solved for once more, from all frames.
-        self._start = replace(report.camera, focal_guessed=report.start.focal_guessed and self._settings.lens != "fixed")
-        frames = range(self.options.start, self.options.end + 1)
-        doubt = "" if report.verdict == "trusted" else report.reasons[0]
-        shot = Shot(self._read, frames, self._recovered, doubt=doubt)
-        renderer = self._renderer.get()
-        return (yield from iterate_track(renderer, shot, {self.frame: self._start}, self.options.settings, self.found))
+        starts = {}
+        if report.verdict != "failed":
+            self.reports[self.frame] = report
+            # A lens that was guessed is solved for once more, from all frames.
+            guessed = report.start.focal_guessed and self._settings.lens != "fixed"
+            self._start = replace(report.camera, focal_guessed=guessed)
+            starts[self.frame] = self._start
+            starts |= {frame: replace(self._start, pose=pose) for frame, pose in self.options.pinned.items()}
+        shot, settings, renderer = self._shot(), self.options.settings, self._renderer.get()
+        if before is None:
+            return (yield from iterate_track(renderer, shot, starts, settings, self.found))
+        self._start = self._start or before.frames[0].camera
+        return (yield from iterate_again(renderer, shot, Earlier(before, starts), settings, self.found))
 
     def _recovered(self, photo: Photo, last: Camera) -> Camera | None:
         """A frame behind a gap, refined from the last known camera."""
@@ -133,10 +160,8 @@ class TrackJob(Job):
 
 
 def _plate_of(camera: bpy.types.Object) -> plate_source.MovingPhoto:
-    """The camera's plate. Raises PhotoError where it has none, or one whose frames Blender alone can read."""
+    """The camera's plate. Raises PhotoError where it has none."""
     plate = plate_source.moving_photo(camera)
     if plate is None:
         raise PhotoError(plate_source.no_plate(camera))
-    if not plate.plate.is_movie and photo_image.is_linear(str(plate.plate.path)):
-        raise PhotoError(rpt_("OpenEXR frames cannot be tracked; save them with 8 or 16 bits, or use Refine Plate."))
     return plate

@@ -12,7 +12,8 @@ from ...batch.place import starts_in_scene
 from ...cameras.training_world import ScanAxes
 from ...errors import CameraError, PhotoError
 from ...geometry.camera import Camera, Pose
-from ...photos.plate import Plate, frames_per_second
+from ...photos.frame_rate import movie_frame_rate
+from ...photos.plate import Plate
 from ...support.words import counted
 from ...track import Earlier, PartialTrack, Shot, Track, Tracking, TrackSettings, iterate_again, iterate_track
 from ...track.file import track_to_dict
@@ -94,7 +95,7 @@ class ShotJob:
     def _about(self, work: ShotWork, track: Track) -> dict[str, Any]:
         """What is known of the plate beside its cameras."""
         tied = [frame.frame for frame in track.frames if frame.state != "lost" and frame.frame in self.frames]
-        speed, aspect = frames_per_second(self.plate), None
+        speed, aspect = movie_frame_rate(self.plate.path) if self.plate.is_movie else None, None
         with suppress(PhotoError):
             aspect = round(work.frames.read(tied[0]).pixel_aspect, 6) if tied else None
         return {
