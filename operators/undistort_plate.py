@@ -51,6 +51,8 @@ stays what is tracked"""
         image = undistort_job.show(camera, job.plate, result)
         values = {"count": len(job.frames), "folder": result.parent, "plate": image.name, "camera": camera.name}
         said = rpt_('{count} frames were written to \'{folder}\'; "{plate}" is set behind "{camera}".', **values)
+        if len(job.frames) == 1:
+            said = rpt_('1 frame was written to \'{folder}\'; "{plate}" is set behind "{camera}".', **values)
         return self.done(context, said)
 
 

@@ -70,13 +70,14 @@ class UndistortJob(Job):
             photo = undistorted(self._reader.read(number - self.plate.offset), self._lens)
             ok, data = cv2.imencode(".png", np.ascontiguousarray(photo.pixels[..., ::-1]))
             if not ok:
-                raise PhotoError(f"The frame {number} could not be made a PNG; choose another plate.")
+                raise PhotoError(rpt_("Frame {number} could not be made a PNG; choose another plate.", number=number))
             self._written.append(file)
             try:
                 with atomic_write(file, "wb") as out:
                     out.write(data.tobytes())
             except OSError as error:
-                raise PhotoError(f"'{file}' cannot be written ({error.strerror}); choose another folder.") from error
+                values = {"path": file, "reason": error.strerror}
+                raise PhotoError(rpt_("'{path}' cannot be written ({reason}); choose another place.", **values)) from error
             if self.cancelled:  # Cancelling may have come while the file was written.
                 file.unlink(missing_ok=True)
             yield done
