@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from ..errors import PhotoError
 from ..geometry.camera import Intrinsics
 from . import jpeg
+from .containers.exr_header import pixel_aspect
 from .containers.find import find_picture
 from .containers.light import expose
 from .containers.openexr import read_light
 from .decode import decode
 from .exif import Exif, read_exif
-from .exr import pixel_aspect
 from .sensors import focal_35mm_of
 from .size import EXR_SIGNATURE
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import PhotoError
 from ..support.quiet import quiet_opencv
-from .exr import LARGEST, SMALLEST
+from .containers.exr_header import LARGEST, SMALLEST
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name
