@@ -4,10 +4,11 @@
 
 "plain", "walker" (somebody crosses the picture) and "rolling" (a frame is read out in 0.6 of the time to the next) are
 hand-held shots of the procedural room with exact cameras, 640 x 480, with distortion, motion blur and noise; their pictures are
-drawn once and kept in DIR. Of 60 frames each are "zoom" (to 1.3 times the focal length), "covered" (20 frames in the middle are
-hidden by a patterned card) and "cut" (the second half is seen from elsewhere; frames that were lost are searched for). "real"
-is the walk-through in ../shared/scenes/room/plate, whose truth is good to some tenths of a per cent. The lens is given, and the
-camera of the middle frame (of "covered" that at a quarter) from 0.1 % and 0.05 degrees off. One thread.
+drawn once and kept in DIR. Of 60 frames each are "zoom" (to 1.3 times the focal length), "breathing" (to 1.03 times),
+"covered" (20 frames in the middle are hidden by a patterned card) and "cut" (the second half is seen from elsewhere; frames
+that were lost are searched for). "real" is the walk-through in ../shared/scenes/room/plate, whose truth is good to some tenths
+of a per cent. The lens is given, and the camera of the middle frame (of "covered" that at a quarter) from 0.1 % and 0.05
+degrees off. One thread.
 
 Slip: how far fixed points of the scan are off in the picture; jitter: the second difference of that from frame to frame; both
 RMS, pixels of the plate, over frames that are not lost. "off": of frames called good, the largest slip of a frame; "focal
@@ -54,6 +55,7 @@ SHOTS = {
     "walker": HandHeld(walker=True),
     "rolling": HandHeld(readout=READOUT),
     "zoom": HandHeld(SHORT, zoom=1.3),
+    "breathing": HandHeld(SHORT, zoom=1.03),
     "covered": HandHeld(SHORT, covered=range(1021, 1041)),
     "cut": HandHeld(SHORT, cut=1031),
 }
@@ -87,7 +89,7 @@ def procedural(name: str, count: int, folder: Path) -> Plate:
         if not file.exists():
             cv2.imwrite(str(file), shot.photo(renderer, frame).pixels[:, :, ::-1])
     start = frames[len(frames) // (4 if shot.covered else 2)]
-    focal: FocalKind = "fixed" if shot.zoom == 1 else "zoom"
+    focal: FocalKind = "fixed" if shot.zoom == 1 else "breathing" if name == "breathing" else "zoom"
     return Plate(scene, {f: shot.camera(f) for f in frames}, lambda f: read_photo(files[f]), shot.readout > 0, focal, start)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from ..batch.refine_one import refine_photo
 from ..cameras.training_world import Axes
 from ..cameras.unplaced import Unplaced
-from ..errors import RefineError, UsageError
+from ..errors import PhotoError, RefineError, UsageError
 from ..geometry.camera import Camera
 from ..photos.mask import find_mask, masked
 from ..photos.photo import Photo
@@ -70,7 +70,7 @@ class ShotWork:
             frame = frames[round(share * (len(frames) - 1))]
             try:
                 return {frame: self._placed(frame, None)}
-            except RefineError as error:
+            except (RefineError, PhotoError) as error:
                 reason = str(error)
         raise RefineError(f"No frame was found in the scan; give a start with --start. {reason}")
 

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from ..errors import PhotoError
 from ..geometry.camera import Intrinsics
 from . import jpeg
+from .containers.exr_header import pixel_aspect
 from .containers.find import find_picture
+from .containers.light import expose
 from .containers.openexr import read_light
 from .decode import decode
 from .exif import Exif, read_exif
-from .exr import pixel_aspect
 from .sensors import focal_35mm_of
 from .size import EXR_SIGNATURE
 
@@ -67,7 +68,7 @@ class Photo:
 
 def read_photo(path: str | Path) -> Photo:
     """The photo in a JPEG, PNG, TIFF or WebP file: 8 or 16 bit, grey or colour, with or without alpha; or in an OpenEXR file of
-    scan lines, whose light is exposed (`linear.photo_from_linear`).
+    scan lines, whose light is exposed (`containers/light.py`).
 
     More than MAX_PIXELS are reduced by 2, 4 or 8 while they are read. Raises PhotoError when the file is missing, cut off, no
     picture that can be decoded, or too large to be one.
@@ -79,9 +80,8 @@ def read_photo(path: str | Path) -> Photo:
 
 def _decoded(path: Path, data: bytes, exif: Exif) -> Photo:
     if data.startswith(EXR_SIGNATURE):
-        from .linear import photo_from_linear  # which makes photos
-
-        return photo_from_linear(read_light(data, path.name), str(path), pixel_aspect(data))
+        shown = expose(read_light(data, path.name), pixel_aspect(data))
+        return Photo(shown.pixels, str(path), None, shown.mask, shown.notes, shown.full_size, pixel_aspect=shown.pixel_aspect)
     picture = find_picture(data, exif, path.name)
     decoded = decode(picture, path.name)
     raw, notes = decoded.raw, []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +12,10 @@ import numpy as np
 
 from ..errors import PhotoError
 from ..support.quiet import quiet_opencv
-from .exr import LARGEST, SMALLEST
+from .containers.exr_header import LARGEST, SMALLEST
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name
-# Movies tell their speed as a fraction such as 24000/1001.
-LARGEST_DENOMINATOR = 1001
-
 # What OpenCV's FFmpeg opens, and decodes with the help of some graphics cards alone.
 UNDECODED = {"av01": "AV1"}
 
@@ -68,19 +64,6 @@ def open_plate(path: str | Path) -> tuple[Plate, int, int]:
     while plate.file(last + 1).is_file():
         last += 1
     return plate, first, last
-
-
-def frames_per_second(plate: Plate) -> Fraction | None:
-    """What a movie says of its speed; None of a sequence, and where nothing usable is said."""
-    if not plate.is_movie:
-        return None
-    with quiet_opencv():
-        movie = cv2.VideoCapture(str(plate.path))
-    try:
-        told = movie.get(cv2.CAP_PROP_FPS)
-    finally:
-        movie.release()
-    return Fraction(told).limit_denominator(LARGEST_DENOMINATOR) if 0 < told < float("inf") else None
 
 
 def _pixel_aspect(movie: cv2.VideoCapture) -> float:

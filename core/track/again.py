@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from ..errors import RefineError
 from ..geometry.camera import Camera
@@ -14,28 +14,34 @@ from .track import DOUBTED, Shot, Tracking, iterate_track, judge_frames
 from .walk import PartialTrack
 
 
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """A track, with cameras of frames inside of the range that is made anew, where the tracking is to begin too."""
+
+    track: Track
+    starts: Mapping[int, Camera] = field(default_factory=dict)
+
+
 def iterate_again(
-    renderer: ViewRenderer,
-    shot: Shot,
-    before: Track,
-    settings: TrackSettings,
-    starts: Mapping[int, Camera] | None = None,
-    found: PartialTrack | None = None,
+    renderer: ViewRenderer, shot: Shot, earlier: Earlier, settings: TrackSettings, found: PartialTrack | None = None
 ) -> Tracking:
-    """Tracks the frames of `shot` anew and returns the whole of the track `before` with them in their places; yields as
+    """Tracks the frames of `shot` anew and returns the whole of the `earlier` track with them in their places; yields as
     `iterate_track` does.
 
-    The frames of `before` on either side of the range are what it begins at and what it is tied to; they and all others are
-    returned as they were, so are the lens of the shot and the read-out of its shutter, which hold for the range as well.
-    `starts`: cameras of frames inside of the range, where the tracking is to begin too. Raises RefineError where the range has
-    neither neighbours that are tied to the splat nor a start.
+    The frames on either side of the range are what it begins at and what it is tied to; they and all others are returned as
+    they were, so are the lens of the shot and the read-out of its shutter, which hold for the range as well; of a track with a
+    zoom, the focal length of these frames is solved anew. Raises RefineError where the range has neither neighbours that are
+    tied to the splat nor a start.
     """
+    before = earlier.track
     wanted, known = set(shot.frames), {frame.frame: frame for frame in before.frames}
     sides = [max((f for f in known if f < min(wanted)), default=None), min((f for f in known if f > max(wanted)), default=None)]
     ends = {f: known[f] for f in sides if f is not None and known[f].state != "lost"}
-    if not ends and not starts:
+    if not ends and not earlier.starts:
         raise RefineError("No frame beside the range is tied to the splat; give a start inside of it, or a wider range.")
     cameras = {f: replace(frame.camera, focal_guessed=False) for f, frame in ends.items()}
+    if settings.focal_change is None and len({frame.camera.intrinsics.focal for frame in before.frames}) > 1:
+        settings = replace(settings, focal="zoom")
     doubted = any(frame.reason == DOUBTED for frame in before.frames)
     whole = replace(
         shot,
@@ -44,7 +50,7 @@ def iterate_again(
         readout=before.readout,
         doubt=shot.doubt or (before.reasons[0] if doubted and before.reasons else ""),
     )
-    new = yield from iterate_track(renderer, whole, {**(starts or {}), **cameras}, settings, found)
+    new = yield from iterate_track(renderer, whole, {**earlier.starts, **cameras}, settings, found)
     return _joined(before, new, wanted)
 
 

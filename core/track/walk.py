@@ -99,11 +99,11 @@ class Walk:
                 if gap == wanted and self.recover is not None:
                     wanted *= 2
                     solved = self._anew(frame, before)
-                    if solved is not None:
-                        yield from self._back(frames, frame, solved)
             if solved is not None:
                 self._add(frame, solved)
                 if gap:
+                    behind = frames[: frames.index(frame)]
+                    yield from self._back(behind[max(len(behind) - gap, 0) :], frame, solved)
                     step = _Motion()
                 self._note(step, frame, solved)
                 before, last_at, gap, wanted = solved, frame, 0, 1
@@ -178,12 +178,11 @@ class Walk:
             self.found.lost[frame] = TOO_LITTLE
         return solved
 
-    def _back(self, frames: Sequence[int], frame: int, solved: SolvedFrame) -> Generator[int, None, None]:
-        """From a frame that was found anew back into the gap before it, as far as frames can be followed."""
-        earlier = [f for f in frames[: frames.index(frame)] if f in self.found.lost]
+    def _back(self, gap: Sequence[int], frame: int, solved: SolvedFrame) -> Generator[int, None, None]:
+        """From a frame behind a gap back into it, as far as frames can be followed; `gap`: its frames as they were tried."""
         motion, before, at = _Motion(), solved, frame
         self._note(motion, frame, solved)
-        for other in reversed(earlier):
+        for other in reversed([f for f in gap if f in self.found.lost]):
             again = self._next(before, at, other, motion)
             if again is None:
                 return

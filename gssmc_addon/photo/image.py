@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...core.errors import PhotoError
-from ...core.photos.exr import HEADER_BYTES, pixel_aspect
+from ...core.photos.containers.exr_header import HEADER_BYTES, pixel_aspect
 from ...core.photos.linear import photo_from_linear
 from ...core.photos.photo import Photo, photo_facts, read_photo
 from ...core.photos.size import EXR_SIGNATURE

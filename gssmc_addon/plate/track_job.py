@@ -17,7 +17,17 @@ from ...core.locate import FindProgress
 from ...core.photos.photo import Photo
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
-from ...core.track import PartialTrack, Shot, Track, TrackProgress, TrackSettings, iterate_again, iterate_track, track_of
+from ...core.track import (
+    Earlier,
+    PartialTrack,
+    Shot,
+    Track,
+    TrackProgress,
+    TrackSettings,
+    iterate_again,
+    iterate_track,
+    track_of,
+)
 from ..camera import bridge as camera_bridge
 from ..find import job as find_job
 from ..jobs.machine import Job
@@ -160,7 +170,7 @@ class TrackJob(Job):
         if before is None:
             return (yield from iterate_track(renderer, shot, starts, settings, self.found))
         self._start = self._start or before.frames[0].camera
-        return (yield from iterate_again(renderer, shot, before, settings, starts, self.found))
+        return (yield from iterate_again(renderer, shot, Earlier(before, starts), settings, self.found))
 
     def _recovered(self, photo: Photo, last: Camera) -> Camera | None:
         """A frame behind a gap, refined from the last known camera."""

@@ -40,10 +40,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     several = "a folder for the cameras of several plates, each in PLATE.json; what is finished there is not tracked again"
     parser.add_argument("--out-dir", type=Path, metavar="DIR", help=several)
     parser.add_argument("--frames", metavar="A-B", help="first and last frame (all; a movie's frames begin at 1)")
-    start = "a rough camera of a frame (any camera file); may be repeated; without it a frame is searched for"
-    parser.add_argument("--start", action="append", default=[], metavar="FRAME=CAMERAS", help=start)
+    start = "a rough camera of a frame (any camera file), or a file of cameras that name frames; may be repeated; without it "
+    start += "a frame is searched for"
+    parser.add_argument("--start", action="append", default=[], metavar="[FRAME=]CAMERAS", help=start)
     pin = "a camera whose pose a frame is to have exactly; may be repeated"
-    parser.add_argument("--pin", action="append", default=[], metavar="FRAME=CAMERAS", help=pin)
+    parser.add_argument("--pin", action="append", default=[], metavar="[FRAME=]CAMERAS", help=pin)
     again = "a track of this plate: --frames are tracked anew, tied to those beside them, and all others kept"
     parser.add_argument("--from", type=Path, dest="before", metavar="TRACK.json", help=again)
     parser.add_argument("--mask", type=Path, metavar="DIR", help=MASK_HELP)
@@ -78,7 +79,8 @@ def _check_usage(args: argparse.Namespace) -> None:
         raise UsageError("Say where to write the cameras: --out TRACK.json for one plate, or --out-dir DIR for several.")
     if args.out is not None and len(args.plates) > 1:
         raise UsageError(f"{len(args.plates)} plates cannot be written to one file; give --out-dir DIR in place of --out.")
-    single = {"--frames": args.frames, "--start": args.start, "--pin": args.pin, "--from": args.before}
+    numbered = [text for text in (*args.start, *args.pin) if "=" in text]
+    single = {"--frames": args.frames, "FRAME=CAMERAS": numbered, "--from": args.before}
     given = [flag for flag, value in single.items() if value]
     if args.out_dir is not None and given:
         raise UsageError(f"{given[0]} is for one plate; give --out TRACK.json in place of --out-dir.")
@@ -111,7 +113,8 @@ def _job(args: argparse.Namespace, settings: RefineSettings, path: Path, out: Pa
     chosen = TrackSettings(args.track_long_side, settings.lens != "fixed", args.rolling_shutter, args.smooth, focal)
     plate, first, last = open_plate(path)
     frames = frames_of(args.frames, plate, first, last)
-    starts, pins = camera_files("--start", args.start, frames), camera_files("--pin", args.pin, frames)
+    starts = camera_files("--start", args.start, frames, plate)
+    pins = camera_files("--pin", args.pin, frames, plate)
     inputs = {"a frame": [plate.file(frame) for frame in range(first, last + 1)]}
     inputs |= {"a start": [*starts.values()], "a pin": [*pins.values()]}
     _check_files(args, PlateFrames(plate, args.mask), frames, inputs, out)

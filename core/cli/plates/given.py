@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...cameras import camera_file
+from ...cameras.names import name_key
 from ...errors import UsageError
 from ...photos.plate import Plate, behind_gaps
+from ...support.picture_names import file_name
 from ...support.words import counted
 from ..console import message
 
@@ -56,16 +59,30 @@ def _listed(frames: Sequence[int]) -> str:
     return ", ".join("-".join(map(str, run)) for run in runs)
 
 
-def camera_files(flag: str, given: Sequence[str], frames: range) -> dict[int, Path]:
-    """The camera files of a flag that is given as FRAME=FILE, by frame. Raises UsageError."""
-    out = {}
+def camera_files(flag: str, given: Sequence[str], frames: range, plate: Plate) -> dict[int, Path]:
+    """The camera files by frame of a flag that is given as FRAME=FILE, or as FILE alone: then of the frames that its cameras
+    name. Raises UsageError, CameraError.
+    """
+    out: dict[int, Path] = {}
     for text in given:
         frame, equals, file = text.partition("=")
-        if not (frame.isdigit() and equals and file):
+        if not equals and Path(text).exists():
+            named = _named(Path(text), frames, plate)
+        elif frame.isdigit() and file:
+            named = [int(frame)]
+        else:
             raise UsageError(f"{flag} is '{text}'; give a frame and a camera file, such as {frames[0]}=CAMERA.json.")
-        if int(frame) not in frames:
-            raise UsageError(f"{flag} names frame {frame}, which is not among {frames[0]} to {frames[-1]}.")
-        if int(frame) in out:
-            raise UsageError(f"{flag} names frame {frame} twice; give one camera for it.")
-        out[int(frame)] = Path(file)
+        for number in named:
+            if number not in frames:
+                raise UsageError(f"{flag} names frame {number}, which is not among {frames[0]} to {frames[-1]}.")
+            if number in out:
+                raise UsageError(f"{flag} names frame {number} twice; give one camera for it.")
+            out[number] = Path(file or text)
     return out
+
+
+def _named(file: Path, frames: range, plate: Plate) -> list[int]:
+    """The frames of which a camera file has the camera by the name of their file."""
+    records = camera_file(file).records
+    names = {name_key(file_name(record.file)) for record in records if record.file}
+    return [frame for frame in frames if not plate.is_movie and name_key(plate.file(frame).name) in names]

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ...batch.place import starts_in_scene
 from ...cameras.training_world import ScanAxes
-from ...errors import CameraError
+from ...errors import CameraError, PhotoError
 from ...geometry.camera import Camera, Pose
-from ...photos.plate import Plate, frames_per_second
+from ...photos.frame_rate import movie_frame_rate
+from ...photos.plate import Plate
 from ...support.words import counted
-from ...track import PartialTrack, Shot, Track, Tracking, TrackSettings, iterate_again, iterate_track
+from ...track import Earlier, PartialTrack, Shot, Track, Tracking, TrackSettings, iterate_again, iterate_track
 from ...track.file import track_to_dict
 from ...track.journal import read_found, write_found
 from ..commands.refine import pick_wanted, wanted_camera
@@ -72,7 +74,8 @@ class ShotJob:
             return iterate_track(work.renderer, shot, starts, self.settings, found)
         starts = work.starts(self.frames, self.starts) if self.starts else {}
         shot = replace(shot, doubt=" ".join(work.doubts))
-        return iterate_again(work.renderer, shot, moved(self.before, work.scene.origin), self.settings, starts, found)
+        earlier = Earlier(moved(self.before, work.scene.origin), starts)
+        return iterate_again(work.renderer, shot, earlier, self.settings, found)
 
     def _followed(self, steps: Tracking, found: PartialTrack) -> Track:
         """The work to its end, with progress, saved from time to time."""
@@ -91,13 +94,15 @@ class ShotJob:
 
     def _about(self, work: ShotWork, track: Track) -> dict[str, Any]:
         """What is known of the plate beside its cameras."""
-        tied = [frame.frame for frame in track.frames if frame.state != "lost"]
-        speed = frames_per_second(self.plate)
+        tied = [frame.frame for frame in track.frames if frame.state != "lost" and frame.frame in self.frames]
+        speed, aspect = movie_frame_rate(self.plate.path) if self.plate.is_movie else None, None
+        with suppress(PhotoError):
+            aspect = round(work.frames.read(tied[0]).pixel_aspect, 6) if tied else None
         return {
             "file": str(self.plate.path),
             "fps": None if speed is None else round(float(speed), 6),
             "fps_exact": None if speed is None else f"{speed.numerator}/{speed.denominator}",
-            "pixel_aspect": round(work.frames.read(tied[0]).pixel_aspect, 6) if tied else None,
+            "pixel_aspect": aspect,
         }
 
 

@@ -12,8 +12,9 @@ from core.errors import PhotoError
 from core.geometry.camera import Intrinsics
 from core.photos import sensors
 from core.photos import size as photo_size
+from core.photos.containers.light import srgb
 from core.photos.containers.openexr import write_exr
-from core.photos.linear import photo_from_linear, srgb
+from core.photos.linear import photo_from_linear
 from core.photos.photo import check_size, photo_facts, read_photo
 from core.photos.size import picture_size, reduction
 

@@ -14,7 +14,7 @@ from core.errors import PhotoError, RefineError
 from core.geometry.camera import Camera, pose_error
 from core.geometry.lie import se3_exp
 from core.photos.photo import Photo
-from core.track import PartialTrack, Shot, TrackSettings, iterate_again, iterate_track
+from core.track import Earlier, PartialTrack, Shot, TrackSettings, iterate_again, iterate_track
 from core.track.file import read_track, track_to_dict
 from core.track.focal import grown
 from core.track.journal import read_found, write_found
@@ -198,7 +198,7 @@ def test_a_range_is_tracked_anew_and_the_others_stay(room, photos, track):
     before = replace(track, frames=tuple(frames), verdict="check", seconds=100.0)
     seen = []
     shot = Shot(_Noted(photos, seen).__getitem__, list(FRAMES[3:5]), name="plate.{:04d}.png".format)
-    again = finished(iterate_again(room, shot, before, SETTINGS))
+    again = finished(iterate_again(room, shot, Earlier(before), SETTINGS))
     assert set(seen) == set(FRAMES[2:6]), "the range and the frames beside it"
     assert [a is b for a, b in zip(again.frames, before.frames, strict=True)] == [i not in (3, 4) for i in range(COUNT)]
     assert errors(again)[3:5, 0].max() < 0.15 and again.verdict == "trusted" and again.seconds > 100
@@ -213,7 +213,7 @@ def test_a_range_is_tracked_anew_and_the_others_stay(room, photos, track):
     )
     lost = replace(before, frames=tuple(replace(frame, state="lost") for frame in before.frames))
     with pytest.raises(RefineError, match="No frame beside the range is tied to the splat"):
-        finished(iterate_again(room, shot, lost, SETTINGS))
+        finished(iterate_again(room, shot, Earlier(lost), SETTINGS))
 
 
 def tmp_track(track):
