@@ -167,14 +167,15 @@ def test_a_start_that_sits_nowhere_is_one_sentence(room, photos):
 
 
 def test_a_zoom_is_followed_and_solved(room):
-    """By 1.2 times in eight frames, from a start in the middle whose lens is given."""
+    """By 1.2 times in eight frames, from a start in the middle whose lens is given; one frame is hidden meanwhile."""
     lenses = {frame: grown(LENS, np.log(1.2) * (frame - FRAMES[4]) / 8) for frame in FRAMES}
     photos = {frame: room.photo(lenses[frame], true_pose(frame), seed=frame) for frame in FRAMES}
+    photos[FRAMES[6]] = covered(photos[FRAMES[6]])
     track = run(room, photos, settings=replace(SETTINGS, focal="zoom"))
-    assert {frame.state for frame in track.frames} == {"good"}
+    assert [frame.state for frame in track.frames] == ["lost" if frame == FRAMES[6] else "good" for frame in FRAMES]
     focal = [frame.camera.intrinsics.focal / lenses[frame.frame].focal for frame in track.frames]
     assert np.abs(np.array(focal) - 1).max() < 0.002
-    assert (np.sqrt((errors(track) ** 2).mean(0)) < (0.15, 0.04)).all()
+    assert (np.sqrt((np.delete(errors(track), 6, axis=0) ** 2).mean(0)) < (0.15, 0.04)).all()
     assert "Focal length from " in track.reasons[-1]
 
 
