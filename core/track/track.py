@@ -164,8 +164,7 @@ class _Ending:
         if self.shot.doubt:
             verdict, reasons = "failed" if verdict == "failed" else "check", (self.shot.doubt, *reasons)
         if self.solution.curve is not None:
-            lenses = [frame.camera.intrinsics for frame in frames]
-            reasons = (*reasons, focal_words([k.focal / focal_px_from_35mm(1.0, k.width, k.height) for k in lenses]))
+            reasons = (*reasons, focal_range(frames))
         numbers: tuple[LensNumber, ...] = ()
         if self.solution.lens_std.any():
             numbers = shared_numbers(self.lens, self.solution.lens_std)
@@ -220,6 +219,17 @@ def _state(rms_px: float, tie: Tie) -> tuple[FrameState, str]:
     if not tie.std_pct <= GOOD_STD_PCT:
         return "weak", f"Where the camera stands is known only to {tie.std_pct:.1f} % of the distance to the scene."
     return "good", ""
+
+
+def zooms(frames: Sequence[TrackedFrame]) -> bool:
+    """Whether the frames have more than one focal length."""
+    return len({frame.camera.intrinsics.focal for frame in frames}) > 1
+
+
+def focal_range(frames: Sequence[TrackedFrame]) -> str:
+    """A sentence on the focal lengths of the frames."""
+    lenses = [frame.camera.intrinsics for frame in frames]
+    return focal_words([k.focal / focal_px_from_35mm(1.0, k.width, k.height) for k in lenses])
 
 
 def judge_frames(frames: Sequence[TrackedFrame]) -> tuple[Verdict, tuple[str, ...]]:

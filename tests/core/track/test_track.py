@@ -177,6 +177,10 @@ def test_a_zoom_is_followed_and_solved(room):
     assert np.abs(np.array(focal) - 1).max() < 0.002
     assert (np.sqrt((np.delete(errors(track), 6, axis=0) ** 2).mean(0)) < (0.15, 0.04)).all()
     assert "Focal length from " in track.reasons[-1]
+    shot = Shot(photos.__getitem__, [FRAMES[2]], name="plate.{:04d}.png".format)
+    again = finished(iterate_again(room, shot, Earlier(track), SETTINGS)).frames[2].camera
+    assert again.intrinsics.focal == pytest.approx(lenses[FRAMES[2]].focal, rel=0.002), "also of a frame made anew"
+    assert pose_error(again.pose, true_pose(FRAMES[2]))[0] < 0.002 * DEPTH
 
 
 def test_a_pinned_frame_has_its_pose_whatever_the_picture_says(room, photos):
@@ -212,6 +216,9 @@ def test_a_range_is_tracked_anew_and_the_others_stay(room, photos, track):
         again.reasons,
         [f.state for f in again.frames],
     )
+    wrong = Camera(grown(LENS, 0.1), true_pose(FRAMES[4]))
+    started = finished(iterate_again(room, shot, Earlier(before, {FRAMES[4]: wrong}), SETTINGS))
+    assert {frame.camera.intrinsics for frame in started.frames} == {LENS}, "the shot's lens holds, whatever a start says"
     lost = replace(before, frames=tuple(replace(frame, state="lost") for frame in before.frames))
     with pytest.raises(RefineError, match="No frame beside the range is tied to the splat"):
         finished(iterate_again(room, shot, Earlier(lost), SETTINGS))
