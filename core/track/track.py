@@ -160,6 +160,8 @@ class _Ending:
     def track(self, seconds: float) -> Track:
         poses, depth = self._poses(), median(tie.median_depth for tie in self.found.ties.values())
         frames = tuple(self._frame(frame, poses[frame]) for frame in self.shot.frames)
+        if (curve := self.solution.curve) is not None:
+            frames = tuple(replace(frame, focal_std_pct=100 * curve.std(frame.frame)) for frame in frames)
         verdict, reasons = judge_frames(frames)
         if self.shot.doubt:
             verdict, reasons = "failed" if verdict == "failed" else "check", (self.shot.doubt, *reasons)
