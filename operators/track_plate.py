@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import bpy
@@ -17,6 +18,7 @@ from ..gssmc_addon.plate.track_job import TrackJob, TrackOptions
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.support import problem
+from ..gssmc_addon.support.texts import rpt_
 
 FOCAL_ITEMS = (
     ("fixed", "Fixed", "One focal length for the whole shot"),
@@ -45,6 +47,11 @@ class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
             default="fixed",
             description="Whether the focal length changes over the shot; where it does, it is keyed",
         ),
+        "live": BoolProperty(
+            name="Live Camera",
+            description="Show the frames and the camera while they are tracked. Go to another frame to stop that",
+            default=True,
+        ),
         "smooth_frames": FloatProperty(
             name="Smooth (frames)",
             description="Removes shaking of the path that is shorter than this many frames; 0: none, the camera as it was",
@@ -61,7 +68,7 @@ class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
         for name in ("start", "end"):
             column.prop(self, name)
         column = self.layout.column()
-        for name in ("focal", "rolling_shutter", "smooth_frames"):
+        for name in ("focal", "rolling_shutter", "smooth_frames", "live"):
             column.prop(self, name)
 
     def make_job(self, context: bpy.types.Context) -> TrackJob:
@@ -75,7 +82,8 @@ class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
         track = TrackSettings(settings.long_side_px, solve, self.rolling_shutter, self.smooth_frames, self.focal)
         before = track_result.earlier(scene, scene.camera, start, end)
         pinned = pins.poses(scene, scene.camera, scene.gssmc.splat, start, end)
-        job = TrackJob(scene, scene.camera, TrackOptions(start, end, track, before, pinned), settings)
+        options = TrackOptions(start, end, track, self.asked and self.live, before, pinned)
+        job = TrackJob(scene, scene.camera, options, settings)
         problem.begin(self.bl_label, job.reports)
         return job
 
@@ -87,7 +95,9 @@ class GSSMC_OT_track_plate(AsksForRange, AskingJobOperator, bpy.types.Operator):
         track = job.kept()
         if track is None:
             return super().stopped(context, job)
-        return self.apply(context, job, track)
+        values = {"count": len(track.frames), "start": track.frames[0].frame, "end": track.frames[-1].frame}
+        text = rpt_("The tracking was stopped. Frames that have a camera: {count}, from {start} to {end}.", **values)
+        return self.apply(context, job, replace(track, reasons=(text, *track.reasons)))
 
 
 classes = (GSSMC_OT_track_plate,)

@@ -14,7 +14,7 @@ from ...core.track.track import GOOD_RMS_PX
 from ..camera import channels as camera_channels
 
 PATH = "gssmc.frame_error_px"
-SIZE = 256, 96  # of the picture, pixels
+SIZE = 256, 176  # of the picture, pixels
 BACK, LINE, LIMIT, BAD = (30, 30, 30), (120, 200, 120), (110, 110, 110), (230, 90, 60)
 TOP_PX = 1.5 * GOOD_RMS_PX  # the least that the picture shows
 
@@ -52,10 +52,12 @@ def drawn(errors: Mapping[int, float]) -> np.ndarray:
         return round(2 + x * (width - 5)), round((height - 3) * (1 - error / top) + 1)
 
     cv2.line(picture, place(first, GOOD_RMS_PX), place(last, GOOD_RMS_PX), LIMIT)
+    above = place(first, GOOD_RMS_PX)[1] - 4
+    cv2.putText(picture, f"{GOOD_RMS_PX:g} px", (4, above), cv2.FONT_HERSHEY_SIMPLEX, 0.4, LIMIT, 1, cv2.LINE_AA)
     before: int | None = None
     for frame in sorted(errors):
         colour = LINE if errors[frame] <= GOOD_RMS_PX else BAD
         start = before if before == frame - 1 else frame
-        cv2.line(picture, place(start, errors[start]), place(frame, errors[frame]), colour)
+        cv2.line(picture, place(start, errors[start]), place(frame, errors[frame]), colour, 2)
         before = frame
     return picture

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import math
 import time
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field, replace
@@ -35,21 +37,26 @@ from ..splat.copy import SplatCopying
 from ..splat.renderer import SplatRenderer
 from ..support.texts import iface_, n_, rpt_
 from . import source as plate_source
+from .live import LiveCamera
 from .reader import PlateReader
 from .targets import PlateTargets
 
+log = logging.getLogger(__name__)
+SEEN_FRAMES, SHORT_S = 5, 100  # frames that must have been tracked to tell the time; a longer one is told in minutes
 START_SHARE = 0.1  # of the progress, when the first frame is solved
 
 
 @dataclass(frozen=True)
 class TrackOptions:
-    """Frames of the scene from `start` to `end`. `before`: the track of which they are a part to be made anew, None where the
-    whole is made; `pinned`: poses that are held, world-to-camera in the coordinates of the splat's file, by frame.
+    """Frames of the scene from `start` to `end`. `live`: the camera is shown as it goes; `before`: the track of which they are
+    a part to be made anew, None where the whole is made; `pinned`: poses that are held, world-to-camera in the coordinates of
+    the splat's file, by frame.
     """
 
     start: int
     end: int
     settings: TrackSettings
+    live: bool = False
     before: Track | None = None
     pinned: Mapping[int, Pose] = field(default_factory=dict)
 
@@ -82,6 +89,7 @@ class TrackJob(Job):
         if options.before is not None:  # The lens of the shot holds for its parts.
             copy, settings = replace(copy, solved=options.before.lens), replace(settings, lens="fixed")
         self._inputs = RefineInputs(self._renderer, self._reader.source(self.frame), copy, settings)
+        self._live = LiveCamera(scene, camera) if options.live else None
         self.found = PartialTrack()
         self.reports: dict[int, RefineReport] = {}
         self._start: Camera | None = None
@@ -93,6 +101,11 @@ class TrackJob(Job):
     def close(self) -> None:
         self._reader.stop()
         self._renderer.close()
+        if self._live:
+            try:
+                self._live.put_back(self.targets.find())
+            except RefineError:  # The camera is gone.
+                log.info("The camera that was tracked is gone")
 
     def advance(self) -> Any:
         self._reader.serve()
@@ -101,16 +114,26 @@ class TrackJob(Job):
     def on_progress(self, news: RefineProgress | FindProgress | TrackProgress) -> None:
         if isinstance(news, TrackProgress):
             self.fraction = START_SHARE + (1 - START_SHARE) * news.fraction
-            seconds = time.perf_counter() - self._began
-            rate = len(self.found.ties) / max(seconds, 1e-6)
-            self.step = iface_("Frame {frame}", frame=news.frame)
-            self.detail = iface_("{count} tracked, {rate:.1f} a second", count=len(self.found.ties), rate=rate)
+            self.step, self.detail = iface_("Frame {frame}", frame=news.frame), self._detail(news)
+            if self._live and news.found is not None:
+                self._live.show(self.targets.find(), news.frame, news.found.pose)
         elif isinstance(news, RefineProgress):
             self.fraction, self.step = START_SHARE * news.fraction, news.step[:1].upper() + news.step[1:]
             self.detail = iface_("The shown frame first")
         else:
             fraction, self.step, self.detail = self._told(news)
             self.fraction = START_SHARE * fraction
+
+    def _detail(self, news: TrackProgress) -> str:
+        """How many frames a second, and how long all would take."""
+        seconds, count = time.perf_counter() - self._began, len(self.found.ties)
+        values = {"count": count, "rate": count / max(seconds, 1e-6)}
+        if news.fraction <= 0 or count < SEEN_FRAMES:
+            return iface_("{count} tracked", **values)
+        left = seconds * (1 - news.fraction) / news.fraction
+        if left < SHORT_S:
+            return iface_("{count} tracked, {rate:.1f} a second, about {left:.0f} s to go", left=left, **values)
+        return iface_("{count} tracked, {rate:.1f} a second, about {left:.0f} min to go", left=math.ceil(left / 60), **values)
 
     def kept(self) -> Track | None:
         """What was tracked when the user stopped, None where that is too little to key. It works on what the thread has found
