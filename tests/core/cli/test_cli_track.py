@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from core.cameras import camera_file
 from core.cameras.files import camera_from_dict, camera_to_dict
 from core.cli.main import main
 from core.cli.plates.given import frames_of
+from core.cli.plates.several import out_files
 from core.cli.shots import PlateFrames
 from core.errors import UsageError
 from core.geometry.camera import pose_error
@@ -207,10 +209,23 @@ def test_several_plates_in_one_call_each_kept_and_none_ends_the_others(place, tm
     assert (tmp_path / "out" / "shot_a.json").stat().st_mtime_ns == written
 
 
-def test_two_plates_of_one_name_are_refused_before_any_work(place, tmp_path, capsys):
-    argv = ["track", str(place / "room.ply"), "a/p.1.png", "b/p.1.png", "--out-dir", str(tmp_path / "out"), *FAST]
+def test_each_plate_has_a_file_of_its_own():
+    plates = ["s1/p.1001.exr", "s1/p.1002.exr", "s2/p.1001.exr", "s1/take_2.mov", "s1/take_3.mov", "s1/0001.png"]
+    files = out_files([Path(plate) for plate in plates], Path("out"))
+    assert {str(plate): file.name for plate, file in files.items()} == {
+        "s1/p.1001.exr": "s1_p.json",
+        "s2/p.1001.exr": "s2_p.json",
+        "s1/take_2.mov": "take_2.json",
+        "s1/take_3.mov": "take_3.json",
+        "s1/0001.png": "0001.json",
+    }
+
+
+def test_two_plates_for_one_file_are_refused_before_any_work(place, tmp_path, capsys):
+    argv = ["track", str(place / "room.ply"), "a/x/p.1.png", "b/x/p.1.png", "--out-dir", str(tmp_path / "out"), *FAST]
     assert main(argv) == 2
     assert "would both be written to" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_range_over_a_gap_names_what_is_missing(tmp_path, capsys):
