@@ -1,6 +1,8 @@
 """`track`: a plate's frames in a camera file that other commands read, its start found or given, and what it refuses."""
 
+import io
 import json
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,11 +44,12 @@ def place(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def whole(place):
-    """A track of all frames."""
-    out = place / "whole.json"
-    assert track(place, out, *start(place)) == 0
-    return out
+def whole(place, tmp_path_factory):
+    """A track of all frames, and what was said."""
+    out, said, remarks = tmp_path_factory.mktemp("whole") / "deep" / "t.json", io.StringIO(), io.StringIO()
+    with redirect_stdout(said), redirect_stderr(remarks):
+        assert track(place, out, *start(place)) == 0
+    return out, said.getvalue(), remarks.getvalue()
 
 
 def track(place, out, *more):
@@ -57,12 +60,10 @@ def start(place, frame=1003):
     return "--start", f"{frame}={place / 'start.json'}"
 
 
-def test_the_track_is_a_camera_file_of_every_frame(place, tmp_path, capsys):
-    out = tmp_path / "deep" / "t.json"
-    assert track(place, out, *start(place)) == 0
-    said = capsys.readouterr()
-    assert said.out.startswith("trusted after ")
-    assert "The start, frame 1003, by itself: trusted" in said.err
+def test_the_track_is_a_camera_file_of_every_frame(whole, tmp_path):
+    out, said, remarks = whole
+    assert said.startswith("trusted after ")
+    assert "The start, frame 1003, by itself: trusted" in remarks
     data = json.loads(out.read_text())
     assert [frame["frame"] for frame in data["frames"]] == list(SHOT.frames)
     assert {frame["verdict"] for frame in data["frames"]} == {"trusted"}
@@ -163,9 +164,9 @@ def test_a_picture_without_a_number_is_no_plate(place, tmp_path, capsys):
 def test_a_pin_is_held_and_a_range_is_tracked_anew_beside_frames_that_stay(place, whole, tmp_path):
     off = perturb_camera(SHOT.camera(1002), 0.002 * DEPTH, 0.1)
     (tmp_path / "pin.json").write_text(json.dumps(camera_to_dict(off)))
-    argv = ["--from", str(whole), "--frames", "1002-1003", "--pin", f"1002={tmp_path / 'pin.json'}"]
+    argv = ["--from", str(whole[0]), "--frames", "1002-1003", "--pin", f"1002={tmp_path / 'pin.json'}"]
     assert track(place, tmp_path / "t.json", *argv) == 0
-    before, after = (json.loads(path.read_text())["frames"] for path in (whole, tmp_path / "t.json"))
+    before, after = (json.loads(path.read_text())["frames"] for path in (whole[0], tmp_path / "t.json"))
     for old, new in zip(before, after, strict=True):
         frame = old["frame"]
         if frame in (1002, 1003):
