@@ -108,6 +108,7 @@ def _walked(walk: Walk, shot: Shot, known: Mapping[int, Camera]) -> Generator[Tr
         done.add(start)
         if solved is None:
             continue
+        done.update(walk.meet(frames[: frames.index(start)], start, solved))
         ways = [[f for f in frames if start < f < end]]
         if backward:
             ways.append([f for f in reversed(frames) if f < start])

@@ -1,5 +1,6 @@
 """Whole tracks in the ray-cast room: accuracy, gaps, cuts, what is lost and said, and going on after an interruption."""
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -144,6 +145,20 @@ def test_half_a_picture_that_is_hidden_costs_no_frame(room, photos):
     track = run(room, hidden)
     assert {frame.state for frame in track.frames} <= {"good", "weak"}
     assert errors(track)[:, 0].max() < 0.4
+
+
+def test_a_second_start_takes_back_what_was_lost_before_it_and_is_linked_to_what_was_not(room, photos):
+    away = room.photo(LENS, AWAY, seed=1)
+    cut = {frame: away if frame in FRAMES[5:] else photo for frame, photo in photos.items()}
+    starts = {FRAMES[0]: Camera(LENS, true_pose(FRAMES[0])), FRAMES[3]: Camera(LENS, true_pose(FRAMES[3]))}
+    starts[FRAMES[7]] = Camera(LENS, AWAY)
+    found = PartialTrack()
+    track = finished(iterate_track(room, Shot(cut.__getitem__, list(FRAMES)), starts, SETTINGS, found))
+    assert {frame.state for frame in track.frames} == {"good"}
+    assert all(pose_error(frame.camera.pose, AWAY)[0] < 0.002 * DEPTH for frame in track.frames[5:])
+    pairs = {frozenset((link.a, link.b)) for link in found.links}
+    assert pairs == {frozenset(pair) for pair in itertools.pairwise(FRAMES)} - {frozenset(FRAMES[4:6])}
+    assert len(found.links) == len(pairs)
 
 
 def test_a_frame_that_cannot_be_read_is_said_and_ends_nothing(room, photos):
