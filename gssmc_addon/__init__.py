@@ -43,7 +43,7 @@ from .headless import command as cli
 from .jobs import slot
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
-from .plate import plot as frame_plot
+from .plate.track import plot as frame_plot
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch

@@ -5,8 +5,8 @@ from __future__ import annotations
 import bpy
 
 from ..gssmc_addon.jobs.operator import Idle
-from ..gssmc_addon.plate import pins
 from ..gssmc_addon.plate.options import OfPlate
+from ..gssmc_addon.plate.track import pins
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 

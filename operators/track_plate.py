@@ -12,9 +12,10 @@ from ..core.track import TrackSettings
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import options as plate_options
-from ..gssmc_addon.plate import pins, track_result
 from ..gssmc_addon.plate.options import AsksForRange
-from ..gssmc_addon.plate.track_job import TrackJob, TrackOptions
+from ..gssmc_addon.plate.track import pins
+from ..gssmc_addon.plate.track import result as track_result
+from ..gssmc_addon.plate.track.job import TrackJob, TrackOptions
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.support import problem

@@ -6,9 +6,9 @@ import bpy
 
 from ..refine import panel as panels
 from ..support.texts import iface_
-from . import pins
-from . import plot as frame_plot
 from .source import moves
+from .track import pins
+from .track import plot as frame_plot
 
 PLOT_SCALE = 8.0
 

@@ -34,7 +34,7 @@ def test_every_frame_is_keyed_where_the_camera_was(bpy, plate, extension):  # no
     assert extension("gssmc_addon.camera.solution").change(scene, scene.camera) == ""
 
 
-def test_a_lost_frame_is_filled_and_said(bpy, plate, extension):  # noqa: F811
+def test_a_lost_frame_is_filled_and_said_and_the_errors_are_a_curve(bpy, plate, extension):  # noqa: F811
     scene = set_up(bpy, plate, "broken")
     assert track(bpy) == {"FINISHED"}
     found = kinds(scene.camera)
@@ -46,6 +46,13 @@ def test_a_lost_frame_is_filled_and_said(bpy, plate, extension):  # noqa: F811
         assert bpy.ops.gssmc.weak_frame(step=step) == {"FINISHED"}
         assert scene.frame_current == BAD_FRAME
     assert errors(bpy, extension, scene, plate[1], FRAMES)[:, 0].max() < 0.03
+    curve = extension("gssmc_addon.plate.track.errors").read(scene.camera.data)
+    assert set(curve) == set(FRAMES) - {BAD_FRAME}
+    assert 0 < min(curve.values()) <= max(curve.values()) < 1
+    scene.frame_set(3)
+    assert data.frame_error_px == pytest.approx(curve[3])
+    picture = extension("gssmc_addon.plate.track.errors").drawn({**curve, 8: 4.0})
+    assert (picture == (230, 90, 60)).all(-1).sum() > 20, "an error that is not good is red"
 
 
 def test_what_cannot_be_tracked_is_refused_and_nothing_keyed(bpy, plate):  # noqa: F811
@@ -54,18 +61,6 @@ def test_what_cannot_be_tracked_is_refused_and_nothing_keyed(bpy, plate):  # noq
     with pytest.raises(RuntimeError, match="begins at the frame that is shown, 7; go to one from 1 to 4"):
         track(bpy, start=1, end=4)
     assert scene.camera.animation_data is None
-
-
-def test_the_error_of_every_frame_is_a_curve(bpy, plate, extension):  # noqa: F811
-    scene = set_up(bpy, plate, "broken")
-    assert track(bpy) == {"FINISHED"}
-    found = extension("gssmc_addon.plate.errors").read(scene.camera.data)
-    assert set(found) == set(FRAMES) - {BAD_FRAME}
-    assert 0 < min(found.values()) <= max(found.values()) < 1
-    scene.frame_set(3)
-    assert scene.camera.data.gssmc.frame_error_px == pytest.approx(found[3])
-    picture = extension("gssmc_addon.plate.errors").drawn({**found, 8: 4.0})
-    assert (picture == (230, 90, 60)).all(-1).sum() > 20, "an error that is not good is red"
 
 
 def test_the_plate_without_its_distortion_goes_behind_the_camera(bpy, plate, extension, tmp_path):  # noqa: F811
@@ -114,6 +109,7 @@ def test_a_range_is_tracked_anew_and_the_rest_stays(bpy, plate, extension):  # n
         assert extension("gssmc_addon.camera.solution").change(scene, camera) == ""
 
 
+@pytest.mark.main_only
 def test_a_pinned_frame_is_held_exactly(bpy, plate, extension):  # noqa: F811
     scene = set_up(bpy, plate)
     camera = scene.camera

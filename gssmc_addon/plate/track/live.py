@@ -7,10 +7,10 @@ import time
 
 import bpy
 
-from ...core.errors import GssmcError
-from ...core.geometry.camera import Pose
-from ..camera import bridge as camera_bridge
-from ..camera import keys as camera_keys
+from ....core.errors import GssmcError
+from ....core.geometry.camera import Pose
+from ...camera import bridge as camera_bridge
+from ...camera import keys as camera_keys
 
 log = logging.getLogger(__name__)
 SHOW_S = 1.0  # Seconds between two frames that are shown: evaluating and drawing a scene takes time from the work.

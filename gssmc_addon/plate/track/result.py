@@ -7,17 +7,17 @@ import logging
 
 import bpy
 
-from ...core.errors import CameraError, RefineError
-from ...core.geometry.camera import Camera
-from ...core.track import Track, TrackedFrame
-from ...core.track.file import track_from_dict, track_to_dict
-from ..camera import keys as camera_keys
-from ..camera import solution as camera_solution
-from ..camera.record import SolvedCamera
-from ..support.texts import rpt_
+from ....core.errors import CameraError, RefineError
+from ....core.geometry.camera import Camera
+from ....core.track import Track, TrackedFrame
+from ....core.track.file import track_from_dict, track_to_dict
+from ...camera import keys as camera_keys
+from ...camera import solution as camera_solution
+from ...camera.record import SolvedCamera
+from ...support.texts import rpt_
+from ..words import by_sentence, frame_list
 from . import errors as frame_errors
-from .track_job import TrackJob
-from .words import by_sentence, frame_list
+from .job import TrackJob
 
 log = logging.getLogger(__name__)
 HOLDS = ("", "FRAME", "MOVED")  # What may have changed since: which frame is shown, and where the camera stands at it.

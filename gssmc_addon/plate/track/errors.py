@@ -9,9 +9,9 @@ import bpy
 import cv2
 import numpy as np
 
-from ...core.track import TrackedFrame
-from ...core.track.track import GOOD_RMS_PX
-from ..camera import channels as camera_channels
+from ....core.track import TrackedFrame
+from ....core.track.track import GOOD_RMS_PX
+from ...camera import channels as camera_channels
 
 PATH = "gssmc.frame_error_px"
 SIZE = 256, 176  # of the picture, pixels

@@ -11,13 +11,13 @@ from typing import Any
 
 import bpy
 
-from ...core.errors import PhotoError, RefineError
-from ...core.geometry.camera import Camera, Pose
-from ...core.locate import FindProgress
-from ...core.photos.photo import Photo
-from ...core.pose.report import RefineProgress, RefineReport
-from ...core.pose.settings import RefineSettings
-from ...core.track import (
+from ....core.errors import PhotoError, RefineError
+from ....core.geometry.camera import Camera, Pose
+from ....core.locate import FindProgress
+from ....core.photos.photo import Photo
+from ....core.pose.report import RefineProgress, RefineReport
+from ....core.pose.settings import RefineSettings
+from ....core.track import (
     Earlier,
     PartialTrack,
     Shot,
@@ -28,18 +28,18 @@ from ...core.track import (
     iterate_track,
     track_of,
 )
-from ..camera import bridge as camera_bridge
-from ..find import job as find_job
-from ..jobs.machine import Job
-from ..jobs.worker import RefineInputs
-from ..photo import mask as mask_source
-from ..splat.copy import SplatCopying
-from ..splat.renderer import SplatRenderer
-from ..support.texts import iface_, n_, rpt_
-from . import source as plate_source
+from ...camera import bridge as camera_bridge
+from ...find import job as find_job
+from ...jobs.machine import Job
+from ...jobs.worker import RefineInputs
+from ...photo import mask as mask_source
+from ...splat.copy import SplatCopying
+from ...splat.renderer import SplatRenderer
+from ...support.texts import iface_, n_, rpt_
+from .. import source as plate_source
+from ..reader import PlateReader
+from ..targets import PlateTargets
 from .live import LiveCamera
-from .reader import PlateReader
-from .targets import PlateTargets
 
 log = logging.getLogger(__name__)
 SEEN_FRAMES, SHORT_S = 5, 100  # frames that must have been tracked to tell the time; a longer one is told in minutes
@@ -174,7 +174,7 @@ class TrackJob(Job):
 
     def _recovered(self, photo: Photo, last: Camera) -> Camera | None:
         """A frame behind a gap, refined from the last known camera."""
-        from ...core.pose.refine import refine
+        from ....core.pose.refine import refine
 
         assert self._start is not None, "the first frame is solved before any other"
         camera = replace(self._start, pose=last.pose, intrinsics=last.intrinsics, focal_guessed=False)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import bpy
 
-from ...core.errors import CameraError
-from ...core.geometry.camera import Pose
-from ..camera import bridge as camera_bridge
-from ..camera import channels as camera_channels
-from ..support.texts import rpt_
+from ....core.errors import CameraError
+from ....core.geometry.camera import Pose
+from ...camera import bridge as camera_bridge
+from ...camera import channels as camera_channels
+from ...support.texts import rpt_
 
 
 def frames(data: bpy.types.Camera) -> list[int]:
