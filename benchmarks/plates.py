@@ -175,8 +175,12 @@ def _slip(plate: Plate, frame: int, found: Camera) -> np.ndarray:
     # Points beside or behind a camera have no place in its picture.
     far = NEAR * float(np.median(true.pose.transform(chosen)[:, 2]))
     ahead = (found.pose.transform(chosen)[:, 2] > far) & (true.pose.transform(chosen)[:, 2] > far)
-    off = found.intrinsics.project(found.pose.transform(chosen)) - true.intrinsics.project(true.pose.transform(chosen))
-    return np.where(ahead[:, None], off, np.nan)
+    places = true.intrinsics.project(true.pose.transform(chosen))
+    # Far outside of the picture, a polynomial of distortion is no lens any more.
+    with np.errstate(invalid="ignore"):
+        near = (np.abs(places / (k.width, k.height) - 0.5) < 1).all(1)
+    off = found.intrinsics.project(found.pose.transform(chosen)) - places
+    return np.where((ahead & near)[:, None], off, np.nan)
 
 
 def main() -> int:

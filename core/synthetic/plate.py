@@ -27,6 +27,8 @@ SHAKE_UNITS, SHAKE_DEG = 0.003 * DEPTH, 0.15
 BLUR_SAMPLES = 3
 # Behind a cut the camera stands by so much elsewhere, and looks at a place by so much from the one before (scene units).
 ELSEWHERE, LOOKS_ELSEWHERE = np.array([0.6, 0.05, -0.1]), np.array([1.5, 0.0, -0.4])
+# A lens that zooms stands for this share of the shot before and after.
+STANDS = 0.2
 # A card that hides the picture slides in and out in so many frames.
 SLIDES = 4
 
@@ -66,8 +68,9 @@ class HandHeld:
         return Pose.from_centre(so3_exp(turn) @ looking, along + move)
 
     def lens_at(self, frame: float) -> Intrinsics:
-        """The lens at any time: where it zooms, it starts and stops smoothly."""
-        share = float(np.clip((frame - self.first) / max(self.count - 1, 1), 0, 1))
+        """The lens at any time: where it zooms, it stands at first, starts and stops smoothly, and stands at the end."""
+        share = (frame - self.first) / max(self.count - 1, 1)
+        share = float(np.clip((share - STANDS) / (1 - 2 * STANDS), 0, 1))
         grow = self.zoom ** (share * share * (3 - 2 * share))
         return replace(self.lens, fx=self.lens.fx * grow, fy=self.lens.fy * grow)
 

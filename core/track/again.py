@@ -10,7 +10,7 @@ from ..geometry.camera import Camera
 from ..render.view import ViewRenderer
 from .report import Track
 from .settings import TrackSettings
-from .track import DOUBTED, Shot, Tracking, iterate_track, judge_frames
+from .track import DOUBTED, Shot, Tracking, focal_range, iterate_track, judge_frames, zooms
 from .walk import PartialTrack
 
 
@@ -40,7 +40,12 @@ def iterate_again(
     if not ends and not earlier.starts:
         raise RefineError("No frame beside the range is tied to the splat; give a start inside of it, or a wider range.")
     cameras = {f: replace(frame.camera, focal_guessed=False) for f, frame in ends.items()}
-    if settings.focal_change is None and len({frame.camera.intrinsics.focal for frame in before.frames}) > 1:
+    settings = replace(settings, rolling_shutter=False)
+    starts = {f: replace(camera, focal_guessed=False) for f, camera in earlier.starts.items()}
+    if not zooms(before.frames):
+        settings = replace(settings, focal="fixed")
+        starts = {f: replace(camera, intrinsics=before.lens) for f, camera in starts.items()}
+    elif settings.focal_change is None:
         settings = replace(settings, focal="zoom")
     doubted = any(frame.reason == DOUBTED for frame in before.frames)
     whole = replace(
@@ -50,7 +55,7 @@ def iterate_again(
         readout=before.readout,
         doubt=shot.doubt or (before.reasons[0] if doubted and before.reasons else ""),
     )
-    new = yield from iterate_track(renderer, whole, {**earlier.starts, **cameras}, settings, found)
+    new = yield from iterate_track(renderer, whole, {**starts, **cameras}, settings, found)
     return _joined(before, new, wanted)
 
 
@@ -62,5 +67,6 @@ def _joined(before: Track, new: Track, wanted: set[int]) -> Track:
     doubt = before.reasons[:1] if any(frame.reason == DOUBTED for frame in whole) else ()
     if doubt and verdict == "trusted":
         verdict = "check"
+    reasons = (*reasons, focal_range(whole)) if zooms(whole) else reasons
     seconds = before.seconds + new.seconds
     return replace(before, frames=whole, verdict=verdict, reasons=(*doubt, *reasons), seconds=seconds)

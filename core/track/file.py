@@ -8,6 +8,7 @@ from typing import Any
 
 from ..cameras.files import camera_from_dict, camera_to_dict, load_json
 from ..errors import CameraError
+from ..geometry.conventions import focal_px_from_35mm
 from ..pose.report import Verdict
 from ..pose.report_json import lens_from_dict, lens_to_dict
 from .report import FrameState, Track, TrackedFrame
@@ -18,8 +19,9 @@ STATE_OF: dict[str, FrameState] = {verdict: state for state, verdict in VERDICT_
 
 
 def track_to_dict(track: Track) -> dict[str, Any]:
-    """All frames in the camera format under "frames", each with "frame", "verdict", "reasons", "matches" and "rms_px"; of the
-    shot "verdict", "reasons", "lens", "readout", "median_depth" and "seconds".
+    """All frames in the camera format under "frames", each with "frame", "verdict", "reasons", "matches", "rms_px" and, where
+    the lens zooms, "focal_35mm" (mm) with "focal_std_pct"; of the shot "verdict", "reasons", "lens", "readout", "median_depth"
+    and "seconds".
     """
     frames = [
         {
@@ -29,6 +31,7 @@ def track_to_dict(track: Track) -> dict[str, Any]:
             "reasons": [frame.reason] if frame.reason else [],
             "matches": frame.matches,
             "rms_px": None if math.isnan(frame.rms_px) else round(frame.rms_px, 3),
+            **_focal(frame),
         }
         for frame in track.frames
     ]
@@ -67,6 +70,14 @@ def track_from_dict(data: Any, name: str) -> Track:
         raise CameraError(f"'{name}' is no track, or a damaged one ({error}); give the file that track wrote.") from None
 
 
+def _focal(frame: TrackedFrame) -> dict[str, float]:
+    if math.isnan(frame.focal_std_pct):
+        return {}
+    k = frame.camera.intrinsics
+    focal_mm = k.focal / focal_px_from_35mm(1.0, k.width, k.height)
+    return {"focal_35mm": round(focal_mm, 4), "focal_std_pct": round(frame.focal_std_pct, 4)}
+
+
 def frame_numbers(path: Path) -> list[int]:
     """The numbers of a track's frames in the order of its file; empty where the file is none."""
     try:
@@ -79,4 +90,5 @@ def _frame(record: Any) -> TrackedFrame:
     camera = camera_from_dict(record, f"Frame {record['frame']}")
     rms = float("nan") if record["rms_px"] is None else float(record["rms_px"])
     reason = " ".join(map(str, record["reasons"]))
-    return TrackedFrame(int(record["frame"]), camera, STATE_OF[record["verdict"]], reason, int(record["matches"]), rms)
+    std = float(record.get("focal_std_pct", "nan"))
+    return TrackedFrame(int(record["frame"]), camera, STATE_OF[record["verdict"]], reason, int(record["matches"]), rms, std)

@@ -7,6 +7,7 @@ distortion stay those of the shot's lens.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -30,12 +31,12 @@ class FocalChange:
     bend_std: float
 
 
-# A zoom starts and stops within a third of a second; a lens that is focused changes its picture by some per cent in all, over a
-# second or so.
+# A zoom starts and stops within some frames, and what knots too far apart miss of that would stand in the cameras; a lens that
+# is focused changes its picture by some per cent in all, over a second or so.
 CHANGES: dict[FocalKind, FocalChange | None] = {
     "fixed": None,
-    "breathing": FocalChange(24.0, 0.005, 0.01),
-    "zoom": FocalChange(8.0, 0.02, 0.05),
+    "breathing": FocalChange(8.0, 0.005, 0.005),
+    "zoom": FocalChange(3.0, 0.02, 0.02),
 }
 
 
@@ -46,10 +47,13 @@ def grown(lens: Intrinsics, grow: float) -> Intrinsics:
 
 @dataclass(frozen=True, eq=False)
 class FocalCurve:
-    """The spline over the frames `first` to `last`: `coefficients` (J,) of its basis with `knots`."""
+    """The spline over the frames `first` to `last`: `coefficients` (J,) of its basis with `knots`, and their `covariance`
+    (J, J).
+    """
 
     knots: FloatArray
     coefficients: FloatArray
+    covariance: FloatArray
 
     @classmethod
     def flat(cls, first: int, last: int, change: FocalChange) -> FocalCurve:
@@ -57,7 +61,8 @@ class FocalCurve:
         spans = max(1, round((last - first) / change.knot_frames))
         inner = np.linspace(first, max(last, first + 1), spans + 1)
         knots = np.concatenate([np.repeat(inner[0], DEGREE), inner, np.repeat(inner[-1], DEGREE)])
-        return cls(knots, np.zeros(spans + DEGREE))
+        count = spans + DEGREE
+        return cls(knots, np.zeros(count), np.zeros((count, count)))
 
     def basis(self, frame: float) -> FloatArray:
         """What each coefficient counts at a frame (J,); outside of the shot that at its end."""
@@ -69,6 +74,11 @@ class FocalCurve:
     def at(self, frame: float) -> float:
         """The logarithm of the focal length over that of the shot's lens."""
         return float(self.basis(frame) @ self.coefficients)
+
+    def std(self, frame: float) -> float:
+        """The deviation of that."""
+        w = self.basis(frame)
+        return math.sqrt(max(float(w @ self.covariance @ w), 0.0))
 
     def bends(self) -> FloatArray:
         """The second differences of the coefficients, as a matrix (J - 2, J) that is applied to them."""

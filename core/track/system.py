@@ -160,17 +160,18 @@ class System:
         solve = splu(matrix[free][:, free].tocsc()).solve
         x[free] = -solve((self._gradient + matrix @ x)[free])
 
-        def deviation(weights: FloatArray) -> float:
-            """Of a sum of unknowns, each times its weight."""
-            return float(np.sqrt(max(weights[free] @ solve(weights[free]), 0.0)))
+        def deviation(unknown: int) -> float:
+            unit = self._unit(unknown)[free]
+            return float(np.sqrt(max(unit @ solve(unit), 0.0)))
 
-        std = np.array([0.0 if at in self._held else deviation(self._unit(at)) for at in self._lens.tolist()])
-        if self._curve is not None and self._problem.solve_lens:
-            weights = np.zeros(self._size)
-            anchor = next(iter(self._problem.anchors), self._frames[0])
-            weights[self._coefficients] = self._curve.basis(anchor)
-            std[0] = deviation(weights)
-        curve = None if self._curve is None else replace(self._curve, coefficients=x[self._coefficients])
+        std = np.array([0.0 if at in self._held else deviation(at) for at in self._lens.tolist()])
+        curve = None
+        if self._curve is not None:
+            at = np.searchsorted(free, self._coefficients)
+            covariance = np.stack([solve(self._unit(place)[free])[at] for place in self._coefficients.tolist()])
+            curve = replace(self._curve, coefficients=x[self._coefficients], covariance=covariance)
+            if self._problem.solve_lens:
+                std[0] = curve.std(next(iter(self._problem.anchors), self._frames[0]))
         steps = x[: 6 * len(self._frames)].reshape(-1, 6)
         return Solved(steps, x[self._lens], std, float(x[self._readout[0]]), curve)
 

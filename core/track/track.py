@@ -108,6 +108,7 @@ def _walked(walk: Walk, shot: Shot, known: Mapping[int, Camera]) -> Generator[Tr
         done.add(start)
         if solved is None:
             continue
+        done.update(walk.meet(frames[: frames.index(start)], start, solved))
         ways = [[f for f in frames if start < f < end]]
         if backward:
             ways.append([f for f in reversed(frames) if f < start])
@@ -160,12 +161,13 @@ class _Ending:
     def track(self, seconds: float) -> Track:
         poses, depth = self._poses(), median(tie.median_depth for tie in self.found.ties.values())
         frames = tuple(self._frame(frame, poses[frame]) for frame in self.shot.frames)
+        if (curve := self.solution.curve) is not None:
+            frames = tuple(replace(frame, focal_std_pct=100 * curve.std(frame.frame)) for frame in frames)
         verdict, reasons = judge_frames(frames)
         if self.shot.doubt:
             verdict, reasons = "failed" if verdict == "failed" else "check", (self.shot.doubt, *reasons)
         if self.solution.curve is not None:
-            lenses = [frame.camera.intrinsics for frame in frames]
-            reasons = (*reasons, focal_words([k.focal / focal_px_from_35mm(1.0, k.width, k.height) for k in lenses]))
+            reasons = (*reasons, focal_range(frames))
         numbers: tuple[LensNumber, ...] = ()
         if self.solution.lens_std.any():
             numbers = shared_numbers(self.lens, self.solution.lens_std)
@@ -220,6 +222,17 @@ def _state(rms_px: float, tie: Tie) -> tuple[FrameState, str]:
     if not tie.std_pct <= GOOD_STD_PCT:
         return "weak", f"Where the camera stands is known only to {tie.std_pct:.1f} % of the distance to the scene."
     return "good", ""
+
+
+def zooms(frames: Sequence[TrackedFrame]) -> bool:
+    """Whether the frames have more than one focal length."""
+    return len({frame.camera.intrinsics.focal for frame in frames}) > 1
+
+
+def focal_range(frames: Sequence[TrackedFrame]) -> str:
+    """A sentence on the focal lengths of the frames."""
+    lenses = [frame.camera.intrinsics for frame in frames]
+    return focal_words([k.focal / focal_px_from_35mm(1.0, k.width, k.height) for k in lenses])
 
 
 def judge_frames(frames: Sequence[TrackedFrame]) -> tuple[Verdict, tuple[str, ...]]:

@@ -7,6 +7,7 @@ succeeds, the walk goes on, and back into the gap.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -117,6 +118,30 @@ class Walk:
         if solved is not None:
             self._add(frame, solved)
         return solved
+
+    def meet(self, earlier: Sequence[int], frame: int, solved: SolvedFrame) -> Generator[int, None, None]:
+        """Ties a start to the `earlier` frames, where these were walked to it from another start: back into those right before
+        it that were lost, yielding each, or to the last one by the corners that both show.
+        """
+        if not earlier or any({link.a, link.b} == {earlier[-1], frame} for link in self.found.links):
+            return
+        if earlier[-1] in self.found.ties:
+            self._join(earlier[-1], frame, solved)
+        lost = list(itertools.takewhile(lambda f: f in self.found.lost, reversed(earlier)))
+        yield from self._back(lost[::-1], frame, solved)
+
+    def _join(self, tied: int, frame: int, solved: SolvedFrame) -> None:
+        """A link from the solved `frame` to one that is tied already."""
+        tie = self.found.ties[tied]
+        matcher = self.matcher.at(tie.grow)
+        try:
+            photo = matcher.working(self.read(tied))
+        except GssmcError:  # What it knows by itself stays.
+            return
+        link = matcher.link(solved, photo, tie.pose)
+        if link is not None:
+            at_tie = replace(link.fit, camera=CameraUnknowns(tie.pose, photo.intrinsics))
+            self.found.links.append(Link(frame, tied, evidence_of(at_tie, photo.intrinsics.height, self.found.rolling)))
 
     def again(self, frame: int) -> SolvedFrame | None:
         """A frame that was found before, with the corners that hold it, at the camera that it was found at."""

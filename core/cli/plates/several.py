@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ from .job import KEY
 
 STATES = ("good", "weak", "lost")
 UNUSABLE = "not tracked"
+# A number at the end of a movie's name is no frame's.
+MOVIES = frozenset({".mov", ".mp4", ".avi", ".mkv", ".m4v", ".mxf", ".webm", ".mpg", ".y4m"})
 
 
 @dataclass(frozen=True)
@@ -39,19 +42,27 @@ class ShotEnd:
 
 
 def out_files(plates: Sequence[Path], folder: Path) -> dict[Path, Path]:
-    """The file in `folder` for each plate: its name without the frame's number. Raises UsageError where two have one name."""
-    out: dict[Path, Path] = {}
+    """The file in `folder` for each plate: its name without the frame's number, with its folder's before it where two have one
+    name. Of several files of one sequence the first stands for it. Raises UsageError where two plates would have one file.
+    """
+    named: dict[tuple[Path, str, str], Path] = {}
     for plate in plates:
-        stem = DIGITS.sub("", plate.stem).rstrip("._- ") if plate.suffix.lower() not in MOVIES else plate.stem
-        file = folder / f"{stem or plate.stem}.json"
-        other = next((p for p, f in out.items() if f == file), None)
+        named.setdefault((plate.absolute().parent, _title(plate), plate.suffix), plate)
+    titles = Counter(title for _, title, _ in named)
+    out: dict[Path, Path] = {}
+    for (parent, title, _), plate in named.items():
+        file = folder / f"{title if titles[title] == 1 else f'{parent.name}_{title}'}.json"
+        other = next((one for one, written in out.items() if written == file), None)
         if other is not None:
             raise UsageError(f"'{other}' and '{plate}' would both be written to '{file}'; track one of them by itself.")
         out[plate] = file
     return out
 
 
-MOVIES = frozenset({".mov", ".mp4", ".avi", ".mkv", ".m4v", ".mxf", ".webm", ".mpg", ".y4m"})
+def _title(plate: Path) -> str:
+    if plate.suffix.lower() in MOVIES:
+        return plate.stem
+    return DIGITS.sub("", plate.stem).rstrip("._- ") or plate.stem
 
 
 def finished(out: Path, key: str) -> Track | None:

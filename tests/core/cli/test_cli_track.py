@@ -1,7 +1,10 @@
 """`track`: a plate's frames in a camera file that other commands read, its start found or given, and what it refuses."""
 
+import io
 import json
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,6 +14,7 @@ from core.cameras import camera_file
 from core.cameras.files import camera_from_dict, camera_to_dict
 from core.cli.main import main
 from core.cli.plates.given import frames_of
+from core.cli.plates.several import out_files
 from core.cli.shots import PlateFrames
 from core.errors import UsageError
 from core.geometry.camera import pose_error
@@ -40,11 +44,12 @@ def place(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def whole(place):
-    """A track of all frames."""
-    out = place / "whole.json"
-    assert track(place, out, *start(place)) == 0
-    return out
+def whole(place, tmp_path_factory):
+    """A track of all frames, and what was said."""
+    out, said, remarks = tmp_path_factory.mktemp("whole") / "deep" / "t.json", io.StringIO(), io.StringIO()
+    with redirect_stdout(said), redirect_stderr(remarks):
+        assert track(place, out, *start(place)) == 0
+    return out, said.getvalue(), remarks.getvalue()
 
 
 def track(place, out, *more):
@@ -55,12 +60,10 @@ def start(place, frame=1003):
     return "--start", f"{frame}={place / 'start.json'}"
 
 
-def test_the_track_is_a_camera_file_of_every_frame(place, tmp_path, capsys):
-    out = tmp_path / "deep" / "t.json"
-    assert track(place, out, *start(place)) == 0
-    said = capsys.readouterr()
-    assert said.out.startswith("trusted after ")
-    assert "The start, frame 1003, by itself: trusted" in said.err
+def test_the_track_is_a_camera_file_of_every_frame(whole, tmp_path):
+    out, said, remarks = whole
+    assert said.startswith("trusted after ")
+    assert "The start, frame 1003, by itself: trusted" in remarks
     data = json.loads(out.read_text())
     assert [frame["frame"] for frame in data["frames"]] == list(SHOT.frames)
     assert {frame["verdict"] for frame in data["frames"]} == {"trusted"}
@@ -161,9 +164,9 @@ def test_a_picture_without_a_number_is_no_plate(place, tmp_path, capsys):
 def test_a_pin_is_held_and_a_range_is_tracked_anew_beside_frames_that_stay(place, whole, tmp_path):
     off = perturb_camera(SHOT.camera(1002), 0.002 * DEPTH, 0.1)
     (tmp_path / "pin.json").write_text(json.dumps(camera_to_dict(off)))
-    argv = ["--from", str(whole), "--frames", "1002-1003", "--pin", f"1002={tmp_path / 'pin.json'}"]
+    argv = ["--from", str(whole[0]), "--frames", "1002-1003", "--pin", f"1002={tmp_path / 'pin.json'}"]
     assert track(place, tmp_path / "t.json", *argv) == 0
-    before, after = (json.loads(path.read_text())["frames"] for path in (whole, tmp_path / "t.json"))
+    before, after = (json.loads(path.read_text())["frames"] for path in (whole[0], tmp_path / "t.json"))
     for old, new in zip(before, after, strict=True):
         frame = old["frame"]
         if frame in (1002, 1003):
@@ -207,10 +210,23 @@ def test_several_plates_in_one_call_each_kept_and_none_ends_the_others(place, tm
     assert (tmp_path / "out" / "shot_a.json").stat().st_mtime_ns == written
 
 
-def test_two_plates_of_one_name_are_refused_before_any_work(place, tmp_path, capsys):
-    argv = ["track", str(place / "room.ply"), "a/p.1.png", "b/p.1.png", "--out-dir", str(tmp_path / "out"), *FAST]
+def test_each_plate_has_a_file_of_its_own():
+    plates = ["s1/p.1001.exr", "s1/p.1002.exr", "s2/p.1001.exr", "s1/take_2.mov", "s1/take_3.mov", "s1/0001.png"]
+    files = out_files([Path(plate) for plate in plates], Path("out"))
+    assert {str(plate): file.name for plate, file in files.items()} == {
+        "s1/p.1001.exr": "s1_p.json",
+        "s2/p.1001.exr": "s2_p.json",
+        "s1/take_2.mov": "take_2.json",
+        "s1/take_3.mov": "take_3.json",
+        "s1/0001.png": "0001.json",
+    }
+
+
+def test_two_plates_for_one_file_are_refused_before_any_work(place, tmp_path, capsys):
+    argv = ["track", str(place / "room.ply"), "a/x/p.1.png", "b/x/p.1.png", "--out-dir", str(tmp_path / "out"), *FAST]
     assert main(argv) == 2
     assert "would both be written to" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_range_over_a_gap_names_what_is_missing(tmp_path, capsys):

@@ -1,5 +1,6 @@
 """Whole tracks in the ray-cast room: accuracy, gaps, cuts, what is lost and said, and going on after an interruption."""
 
+import itertools
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -146,6 +147,20 @@ def test_half_a_picture_that_is_hidden_costs_no_frame(room, photos):
     assert errors(track)[:, 0].max() < 0.4
 
 
+def test_a_second_start_takes_back_what_was_lost_before_it_and_is_linked_to_what_was_not(room, photos):
+    away = room.photo(LENS, AWAY, seed=1)
+    cut = {frame: away if frame in FRAMES[5:] else photo for frame, photo in photos.items()}
+    starts = {FRAMES[0]: Camera(LENS, true_pose(FRAMES[0])), FRAMES[3]: Camera(LENS, true_pose(FRAMES[3]))}
+    starts[FRAMES[7]] = Camera(LENS, AWAY)
+    found = PartialTrack()
+    track = finished(iterate_track(room, Shot(cut.__getitem__, list(FRAMES)), starts, SETTINGS, found))
+    assert {frame.state for frame in track.frames} == {"good"}
+    assert all(pose_error(frame.camera.pose, AWAY)[0] < 0.002 * DEPTH for frame in track.frames[5:])
+    pairs = {frozenset((link.a, link.b)) for link in found.links}
+    assert pairs == {frozenset(pair) for pair in itertools.pairwise(FRAMES)} - {frozenset(FRAMES[4:6])}
+    assert len(found.links) == len(pairs)
+
+
 def test_a_frame_that_cannot_be_read_is_said_and_ends_nothing(room, photos):
     track = run(room, {**photos, FRAMES[1]: None}, recover=lambda photo, last: Camera(LENS, true_pose(FRAMES[0])))
     states = {frame.frame: (frame.state, frame.reason) for frame in track.frames}
@@ -167,15 +182,20 @@ def test_a_start_that_sits_nowhere_is_one_sentence(room, photos):
 
 
 def test_a_zoom_is_followed_and_solved(room):
-    """By 1.2 times in eight frames, from a start in the middle whose lens is given."""
+    """By 1.2 times in eight frames, from a start in the middle whose lens is given; one frame is hidden meanwhile."""
     lenses = {frame: grown(LENS, np.log(1.2) * (frame - FRAMES[4]) / 8) for frame in FRAMES}
     photos = {frame: room.photo(lenses[frame], true_pose(frame), seed=frame) for frame in FRAMES}
+    photos[FRAMES[6]] = covered(photos[FRAMES[6]])
     track = run(room, photos, settings=replace(SETTINGS, focal="zoom"))
-    assert {frame.state for frame in track.frames} == {"good"}
+    assert [frame.state for frame in track.frames] == ["lost" if frame == FRAMES[6] else "good" for frame in FRAMES]
     focal = [frame.camera.intrinsics.focal / lenses[frame.frame].focal for frame in track.frames]
     assert np.abs(np.array(focal) - 1).max() < 0.002
-    assert (np.sqrt((errors(track) ** 2).mean(0)) < (0.15, 0.04)).all()
+    assert (np.sqrt((np.delete(errors(track), 6, axis=0) ** 2).mean(0)) < (0.15, 0.04)).all()
     assert "Focal length from " in track.reasons[-1]
+    shot = Shot(photos.__getitem__, [FRAMES[2]], name="plate.{:04d}.png".format)
+    again = finished(iterate_again(room, shot, Earlier(track), SETTINGS)).frames[2].camera
+    assert again.intrinsics.focal == pytest.approx(lenses[FRAMES[2]].focal, rel=0.002), "also of a frame made anew"
+    assert pose_error(again.pose, true_pose(FRAMES[2]))[0] < 0.002 * DEPTH
 
 
 def test_a_pinned_frame_has_its_pose_whatever_the_picture_says(room, photos):
@@ -211,6 +231,9 @@ def test_a_range_is_tracked_anew_and_the_others_stay(room, photos, track):
         again.reasons,
         [f.state for f in again.frames],
     )
+    wrong = Camera(grown(LENS, 0.1), true_pose(FRAMES[4]))
+    started = finished(iterate_again(room, shot, Earlier(before, {FRAMES[4]: wrong}), SETTINGS))
+    assert {frame.camera.intrinsics for frame in started.frames} == {LENS}, "the shot's lens holds, whatever a start says"
     lost = replace(before, frames=tuple(replace(frame, state="lost") for frame in before.frames))
     with pytest.raises(RefineError, match="No frame beside the range is tied to the splat"):
         finished(iterate_again(room, shot, Earlier(lost), SETTINGS))
