@@ -20,6 +20,7 @@ from ..operators import (
     import_cameras,
     import_splats,
     look,
+    make_proxy,
     match_resolution,
     models,
     pin_frame,
@@ -49,6 +50,7 @@ from .plate.track import plot as frame_plot
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch
+from .proxy import panel as proxy_panel
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
@@ -89,10 +91,12 @@ _class_modules = (
     refine_sequence,
     pin_frame,
     weak_frame,
+    make_proxy,
     panels,
     photo_panel,
     preview_panel,
     plate_panel,
+    proxy_panel,
     menus,
 )
 _cli_commands: list[object] = []
