@@ -13,11 +13,14 @@ from ..operators import (
     camera_from_view,
     cancel,
     clear_maps,
+    drag_wipe,
     export_cameras,
     export_splats,
     find_camera,
     import_cameras,
     import_splats,
+    look,
+    make_proxy,
     match_resolution,
     models,
     pin_frame,
@@ -47,6 +50,7 @@ from .plate.track import plot as frame_plot
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch
+from .proxy import panel as proxy_panel
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
@@ -68,6 +72,8 @@ _class_modules = (
     same_lens,
     set_mask,
     set_masks,
+    look,
+    drag_wipe,
     preview,
     import_cameras,
     export_cameras,
@@ -85,10 +91,12 @@ _class_modules = (
     refine_sequence,
     pin_frame,
     weak_frame,
+    make_proxy,
     panels,
     photo_panel,
     preview_panel,
     plate_panel,
+    proxy_panel,
     menus,
 )
 _cli_commands: list[object] = []
