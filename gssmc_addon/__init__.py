@@ -20,6 +20,7 @@ from ..operators import (
     import_cameras,
     import_splats,
     look,
+    look_through_card,
     make_proxy,
     match_resolution,
     models,
@@ -44,6 +45,7 @@ from ..operators import (
 from .camera import frame as camera_frame
 from .headless import command as cli
 from .jobs import slot
+from .look import cards
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
 from .plate.track import plot as frame_plot
@@ -73,6 +75,7 @@ _class_modules = (
     set_mask,
     set_masks,
     look,
+    look_through_card,
     drag_wipe,
     preview,
     import_cameras,
@@ -113,6 +116,7 @@ def register() -> None:
     slot.register()
     camera_frame.register()
     viewport.register()
+    cards.register()
     preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
@@ -120,6 +124,7 @@ def register() -> None:
 def unregister() -> None:
     slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
+    cards.unregister()
     viewport.unregister()
     camera_frame.unregister()
     flicker.unregister()
