@@ -24,6 +24,7 @@ from ..operators import (
     refine,
     refine_all,
     refine_sequence,
+    remove_composite,
     remove_photo,
     report_problem,
     reset_settings,
@@ -31,12 +32,14 @@ from ..operators import (
     same_lens,
     set_mask,
     set_masks,
+    set_up_composite,
     track_plate,
     undistort_photo,
     up_axis,
     weak_frame,
 )
 from .camera import frame as camera_frame
+from .composite import panel as composite_panel
 from .headless import command as cli
 from .jobs import slot
 from .photo import panel as photo_panel
@@ -80,10 +83,13 @@ _class_modules = (
     track_plate,
     refine_sequence,
     weak_frame,
+    set_up_composite,
+    remove_composite,
     panels,
     photo_panel,
     preview_panel,
     plate_panel,
+    composite_panel,
     menus,
 )
 _cli_commands: list[object] = []

@@ -13,6 +13,7 @@ from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProp
 
 from ...core.pose.presets import PRESETS
 from ...core.pose.settings import RefineSettings
+from ..composite import state as composite_state
 from ..photo import list as photo_list
 from ..photo.entry import GssmcPhoto
 from ..preview import state as preview_state
@@ -54,6 +55,7 @@ class GssmcScene(bpy.types.PropertyGroup):
         "photos": CollectionProperty(type=GssmcPhoto),
         "photo_index": IntProperty(name="Photo", description="The selected photo of the list", min=0, update=_photo_clicked),
         "quality": quality_annotation(),
+        "composite": PointerProperty(type=composite_state.GssmcComposite),
         "map_views": settings.map_views_annotation(),
         **settings_annotations(),
     }
@@ -80,7 +82,7 @@ class GssmcWindow(bpy.types.PropertyGroup):
             self.message_icon = icon
 
 
-classes = (GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
+classes = (*composite_state.classes, GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
 
 
 @bpy.app.handlers.persistent

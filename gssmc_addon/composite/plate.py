@@ -1,0 +1,65 @@
+"""What the CG is laid over: the camera's photo or plate, at its own resolution, or a straight copy of the photo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+from ...core.errors import CameraError, PhotoError
+from ...core.geometry.camera import Intrinsics
+from ...core.photos.undistort import undistorted
+from ..camera import bridge as camera_bridge
+from ..photo import image as photo_image
+from ..plate.source import MOVING
+from ..support.texts import rpt_
+
+
+@dataclass(frozen=True)
+class Backplate:
+    """A photo, plate or movie clip behind a camera: one of `image` and `clip`; its lens at `size` (width, height).
+
+    `user`: which frame of a moving image the background shows; `moves`: whether it is one.
+    """
+
+    image: bpy.types.Image | None
+    clip: bpy.types.MovieClip | None
+    user: bpy.types.ImageUser | None
+    lens: Intrinsics
+
+    @property
+    def name(self) -> str:
+        return self.image.name if self.image else self.clip.name if self.clip else ""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.lens.width, self.lens.height
+
+    @property
+    def moves(self) -> bool:
+        return self.image is None or self.image.source in MOVING
+
+
+def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object) -> Backplate:
+    """The camera's photo or plate. Raises CameraError when it has none, PhotoError when Blender cannot read it."""
+    data = camera.data
+    image = photo_image.camera_photo(camera)
+    clip = next((slot.clip for slot in data.background_images if slot.source == "MOVIE_CLIP" and slot.clip), None)
+    shown = image or clip
+    if shown is None:
+        raise CameraError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
+    width, height = (int(side) for side in shown.size)
+    if not (width and height):
+        raise PhotoError(rpt_('The file of "{name}" cannot be read; add the photo again.', name=shown.name))
+    user = next((slot.image_user for slot in data.background_images if image and slot.image == image), None)
+    lens = camera_bridge.photo_intrinsics(scene, data, width, height)
+    return Backplate(image, None if image else clip, user, lens)
+
+
+def straight_copy(plate: Backplate) -> bpy.types.Image:
+    """A copy of the photo without its lens distortion, inside the .blend. Raises PhotoError where the photo moves."""
+    if plate.image is None or plate.moves:
+        raise PhotoError(rpt_("Only the frames of a still photo are undistorted here; bend the CG instead (Lens: On the CG)."))
+    photo = photo_image.photo_source(plate.image).read()
+    lens = plate.lens.resized(photo.width, photo.height)
+    return photo_image.packed_copy(f"{plate.image.name} straight", undistorted(photo, lens))

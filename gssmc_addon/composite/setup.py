@@ -1,0 +1,156 @@
+"""Sets a scene up so that F12 gives the finished picture, and puts it back.
+
+All that is touched is noted first (`state.GssmcComposite` on the scene), and nothing is touched before all checks are passed.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+
+import bpy
+
+from ...core.errors import CameraError
+from ...core.pictures.overscan import MOST, overscan_ratio
+from ..camera import bridge as camera_bridge
+from ..camera import channels as camera_channels
+from ..camera import frame as camera_frame
+from ..camera import solution as camera_solution
+from ..support.texts import n_, rpt_
+from . import host, lens, look, plate, record, stage, tree
+from .plate import Backplate
+from .state import GssmcComposite
+
+BEND, STRAIGHTEN = "CG", "PLATE"
+LENS_ITEMS = (
+    (BEND, "On the CG", "The photo stays as it is, and the CG is bent as the photo's lens bends"),
+    (STRAIGHTEN, "Off the Photo", "A copy of the photo without lens distortion lies behind the CG, which stays straight"),
+)
+SET_UP = n_('F12 renders CG into "{photo}" at {width} x {height}.')
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What a composite is made of, all checked: the camera, what lies behind it, a straight copy of that where it is wanted."""
+
+    camera: bpy.types.Object
+    plate: Backplate
+    straight: bpy.types.Image | None
+
+    @property
+    def ratio(self) -> float:
+        """How much more than the photo the render has to show."""
+        return 1.0 if self.straight else overscan_ratio(self.plate.lens)
+
+
+def set_up(scene: bpy.types.Scene, lens_on: str = BEND) -> list[str]:
+    """Sets the scene up for its camera, anew where a composite is there already. Returns sentences for the artist.
+
+    Raises CameraError or PhotoError, with nothing changed, when camera, photo or solution is missing.
+    """
+    shot = check(scene, lens_on)
+    if scene.gssmc.composite.is_set_up:
+        remove(scene)
+        shot = replace(shot, plate=plate.of_camera(scene, shot.camera))
+    kept = scene.gssmc.composite
+    kept.before = json.dumps(record.values(scene, record.SCENE_PATHS))
+    kept.engine, kept.camera = scene.render.engine, shot.camera
+    shown = look.of_scene(scene)
+    notes = _set_frame(scene, shot, kept)
+    notes += stage.set_stage(scene, kept)
+    notes += look.make_plain(scene)
+    scene.render.film_transparent = scene.render.use_compositing = True
+    scene.render.dither_intensity = 0  # It would be added to the plate.
+    parts = tree.Parts(_behind(shot, kept), _map(shot, kept), shown)
+    notes += tree.build(scene, host.begin(scene, kept), parts)
+    width, height = shot.plate.size
+    return [rpt_(SET_UP, photo=shot.plate.name, width=width, height=height), *notes]
+
+
+def check(scene: bpy.types.Scene, lens_on: str) -> Shot:
+    """What the composite is made of. Raises CameraError or PhotoError, with nothing changed."""
+    camera = scene.camera
+    if camera is None or camera.type != "CAMERA":
+        raise CameraError(rpt_("The scene has no camera; add a photo, or pick one on the list."))
+    behind = plate.of_camera(scene, camera)
+    if not camera.data.gssmc.solution:
+        raise CameraError(
+            rpt_('The camera "{name}" is not solved yet; use Find Camera or Refine Camera first.', name=camera.name)
+        )
+    straightens = lens_on == STRAIGHTEN and behind.lens.has_distortion
+    if not straightens and behind.lens.has_distortion and not camera_channels.is_lens_writable(camera.data):
+        raise CameraError(
+            rpt_(
+                'The lens of the camera "{name}" is driven or linked and cannot show more than the photo; make it its own, '
+                "or take the lens off the photo.",
+                name=camera.name,
+            )
+        )
+    return Shot(camera, behind, plate.straight_copy(behind) if straightens else None)
+
+
+def remove(scene: bpy.types.Scene) -> list[str]:
+    """Puts back all that was touched. Returns sentences on what did not take its value."""
+    kept = scene.gssmc.composite
+    host.end(scene, kept)
+    unchanged = [item for item in kept.cameras if item.data and record.of_camera(item.data) == item.after]
+    for item in kept.cameras:
+        if item.data and item not in unchanged and item.data.gssmc.overscan != 1:
+            record.zoom_out(item.data, 1 / item.data.gssmc.overscan)  # It was solved or moved since, and stays so.
+    refused = record.put(scene, json.loads(kept.before))
+    for item in unchanged:
+        record.put_camera(item.data, item.before)
+    camera_frame.fit_all(scene)
+    for item in kept.objects:
+        if item.object:
+            record.put(item.object, json.loads(item.before))
+    _forget(kept)
+    return [rpt_("These settings did not take back their value: {names}.", names=", ".join(refused))] if refused else []
+
+
+def _forget(kept: GssmcComposite) -> None:
+    images = [item.image for item in kept.images if item.image]
+    for collection in (kept.images, kept.objects, kept.cameras):
+        collection.clear()
+    for image in images:
+        if image.users == 0:
+            bpy.data.images.remove(image)
+    kept.before = kept.engine = kept.host = ""
+    kept.camera = kept.tree = kept.own_tree = None
+
+
+def _set_frame(scene: bpy.types.Scene, shot: Shot, kept: GssmcComposite) -> list[str]:
+    """Gives the render the photo's resolution, and the camera a frame that holds all that its lens bends into the photo."""
+    data, render = shot.camera.data, scene.render
+    for camera in {obj.data for obj in scene.objects if obj.type == "CAMERA" and obj.data.is_editable}:
+        item = kept.cameras.add()
+        item.data, item.before = camera, record.of_camera(camera)
+    aspects = camera_bridge.conventions.pixel_aspects(data.gssmc.photo_pixel or 1.0)
+    (render.resolution_x, render.resolution_y), render.resolution_percentage = shot.plate.size, 100
+    render.pixel_aspect_x, render.pixel_aspect_y = aspects
+    camera_frame.fit_all(scene)
+    if shot.ratio > 1:
+        record.zoom_out(data, shot.ratio)
+    for item in kept.cameras:
+        item.after = record.of_camera(item.data)
+    notes = []
+    if camera_solution.change(scene, shot.camera):
+        notes.append(rpt_("The camera is no longer what was solved; Back to Solution puts it back."))
+    if shot.ratio == MOST:
+        notes.append(rpt_("The lens bends so much that the corners of the photo get no CG."))
+    return notes
+
+
+def _behind(shot: Shot, kept: GssmcComposite) -> Backplate:
+    if shot.straight is None:
+        return shot.plate
+    kept.images.add().image = shot.straight
+    return replace(shot.plate, image=shot.straight, user=None)
+
+
+def _map(shot: Shot, kept: GssmcComposite) -> bpy.types.Image | None:
+    if shot.straight is not None or not shot.plate.lens.has_distortion:
+        return None
+    made = lens.map_image(shot.plate.lens, shot.ratio)
+    kept.images.add().image = made
+    return made
