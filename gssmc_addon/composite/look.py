@@ -35,8 +35,8 @@ class Look:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it shows a picture as Standard does."""
-        return self == Look(STANDARD, NO_LOOK, 0.0, 1.0, False, None)
+        """Whether it shows an exposed picture as Standard does."""
+        return self == Look(STANDARD, NO_LOOK, self.exposure, 1.0, False, None)
 
 
 def of_scene(scene: bpy.types.Scene) -> Look:
@@ -65,15 +65,11 @@ def make_plain(scene: bpy.types.Scene) -> list[str]:
 
 
 def show_as(nodes: Nodes, picture: bpy.types.NodeSocket, look: Look) -> tuple[bpy.types.NodeSocket, list[str]]:
-    """The picture (premultiplied) as the look shows it, and sentences on what of the look is left out."""
+    """The picture (premultiplied, exposed) as the look shows it, and sentences on what of the look is left out."""
     if look.is_plain:
         return picture, []
     left_out = [name for name, there in (("white balance", look.balance is not None), ("curves", look.curves)) if there]
     picture = _alpha(nodes, picture, "To Straight", "PREMUL_TO_STRAIGHT")
-    if look.exposure:
-        node = nodes.then(picture, "CompositorNodeExposure", "Exposure of the CG")
-        node.inputs["Exposure"].default_value = look.exposure
-        picture = node.outputs["Image"]
     by_display = hasattr(bpy.types, "CompositorNodeConvertToDisplay")
     picture, refused = _by_display(nodes, picture, look) if by_display else _by_space(nodes, picture, look)
     if look.gamma != 1:
@@ -84,6 +80,13 @@ def show_as(nodes: Nodes, picture: bpy.types.NodeSocket, look: Look) -> tuple[bp
     node.from_color_space, node.to_color_space = SCREEN, _scene_linear()
     notes = [_left_out(left_out + refused)] if left_out or refused else []
     return _alpha(nodes, node.outputs["Image"], "To Premultiplied", "STRAIGHT_TO_PREMUL"), notes
+
+
+def expose(nodes: Nodes, picture: bpy.types.NodeSocket, look: Look) -> bpy.types.NodeSocket:
+    """The picture with the look's exposure."""
+    node = nodes.then(picture, "CompositorNodeExposure", "Exposure of the CG")
+    node.inputs["Exposure"].default_value = look.exposure
+    return node.outputs["Image"]
 
 
 def _alpha(nodes: Nodes, picture: bpy.types.NodeSocket, word: str, mapping: str) -> bpy.types.NodeSocket:

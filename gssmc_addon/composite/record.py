@@ -29,8 +29,8 @@ SCENE_PATHS = (
     "view_settings.use_white_balance",
 )
 OBJECT_PATHS = ("hide_render", "is_holdout", "is_shadow_catcher")
-CAMERA_PATHS = ("lens", "shift_x", "shift_y")
-CAMERA_PATHS += tuple(f"gssmc.{name}" for name in ("frame_x", "frame_y", "frame_pixel", "photo_pixel", "overscan"))
+KEPT_ON_CAMERA = ("frame_x", "frame_y", "frame_pixel", "photo_pixel", "overscan")
+CAMERA_PATHS = (*camera_channels.LENS_PATHS, *(f"gssmc.{name}" for name in KEPT_ON_CAMERA))
 
 
 def values(block: bpy.types.ID, paths: Iterable[str]) -> dict[str, Any]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ...core.errors import CameraError
+from ...core.geometry import conventions
 from ...core.pictures.overscan import MOST, overscan_ratio
-from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame
 from ..camera import solution as camera_solution
@@ -125,7 +125,7 @@ def _set_frame(scene: bpy.types.Scene, shot: Shot, kept: GssmcComposite) -> list
     for camera in {obj.data for obj in scene.objects if obj.type == "CAMERA" and obj.data.is_editable}:
         item = kept.cameras.add()
         item.data, item.before = camera, record.of_camera(camera)
-    aspects = camera_bridge.conventions.pixel_aspects(data.gssmc.photo_pixel or 1.0)
+    aspects = conventions.pixel_aspects(data.gssmc.photo_pixel or 1.0)
     (render.resolution_x, render.resolution_y), render.resolution_percentage = shot.plate.size, 100
     render.pixel_aspect_x, render.pixel_aspect_y = aspects
     camera_frame.fit_all(scene)

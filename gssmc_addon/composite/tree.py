@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import bpy
 
 from . import host
-from .look import Look, show_as
+from .look import Look, expose, show_as
 from .plate import Backplate
 
 STEP_X, PLATE_Y, MAP_Y = 220, 320, -320
@@ -65,7 +65,8 @@ def build(scene: bpy.types.Scene, tree: bpy.types.NodeTree, parts: Parts) -> lis
     nodes = Nodes(scene, tree)
     layers = nodes.new("CompositorNodeRLayers", "CG")
     layers.scene, layers.layer = scene, _layer(scene)
-    picture = layers.outputs["Image"]
+    # Blender 5.3 smears what Map UV takes straight from Render Layers, hence this node comes first, also where it does nothing.
+    picture = expose(nodes, layers.outputs["Image"], parts.look)
     if parts.map is not None:
         picture = _bent(nodes, picture, parts.map)
     picture, notes = show_as(nodes, picture, parts.look)
