@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 STANDARD, NO_LOOK, SCREEN = "Standard", "None", "sRGB"
 LINEAR_BEFORE_5 = "Linear Rec.709"
+GAMMA, GAMMA_SINCE_5 = "CompositorNodeGamma", "ShaderNodeGamma"
 # The colour spaces that are the view transforms of Blender 4.5.
 SPACES = {STANDARD: SCREEN, "AgX": "AgX Base sRGB", "Filmic": "Filmic sRGB", "Khronos PBR Neutral": "Khronos PBR Neutral sRGB"}
 BALANCE = ("white_balance_temperature", "white_balance_tint")
@@ -73,9 +74,10 @@ def show_as(nodes: Nodes, picture: bpy.types.NodeSocket, look: Look) -> tuple[bp
     by_display = hasattr(bpy.types, "CompositorNodeConvertToDisplay")
     picture, refused = _by_display(nodes, picture, look) if by_display else _by_space(nodes, picture, look)
     if look.gamma != 1:
-        node = nodes.then(picture, "CompositorNodeGamma", "Gamma of the CG")
+        node = nodes.new(GAMMA_SINCE_5 if by_display else GAMMA, "Gamma of the CG")
+        nodes.link(picture, node.inputs[0])
         node.inputs["Gamma"].default_value = 1 / look.gamma
-        picture = node.outputs["Image"]
+        picture = node.outputs[0]
     node = nodes.then(picture, "CompositorNodeConvertColorSpace", "Back to Light")
     node.from_color_space, node.to_color_space = SCREEN, _scene_linear()
     notes = [_left_out(left_out + refused)] if left_out or refused else []

@@ -11,7 +11,7 @@ from ...core.geometry.camera import Intrinsics
 from ...core.photos.undistort import undistorted
 from ..camera import bridge as camera_bridge
 from ..photo import image as photo_image
-from ..plate.source import MOVING
+from ..plate import source as plate_source
 from ..support.texts import rpt_
 
 
@@ -37,7 +37,7 @@ class Backplate:
 
     @property
     def moves(self) -> bool:
-        return self.image is None or self.image.source in MOVING
+        return self.image is None or self.image.source in plate_source.MOVING
 
 
 def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object) -> Backplate:
@@ -48,12 +48,23 @@ def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object) -> Backplate:
     shown = image or clip
     if shown is None:
         raise CameraError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
-    width, height = (int(side) for side in shown.size)
-    if not (width and height):
-        raise PhotoError(rpt_('The file of "{name}" cannot be read; add the photo again.', name=shown.name))
+    width, height = _size(scene, camera, shown)
     user = next((slot.image_user for slot in data.background_images if image and slot.image == image), None)
     lens = camera_bridge.photo_intrinsics(scene, data, width, height)
     return Backplate(image, None if image else clip, user, lens)
+
+
+def _size(scene: bpy.types.Scene, camera: bpy.types.Object, shown: bpy.types.Image | bpy.types.MovieClip) -> tuple[int, int]:
+    """How many pixels Blender has of it. Of a sequence whose numbers do not begin at 1 it does not tell, so a frame is read."""
+    width, height = (int(side) for side in shown.size)
+    if width and height:
+        return width, height
+    moving = plate_source.moving_photo(camera) if getattr(shown, "source", "") in plate_source.MOVING else None
+    if moving is None:
+        raise PhotoError(rpt_('The file of "{name}" cannot be read; add the photo again.', name=shown.name))
+    first, last = moving.scene_range
+    photo = moving.frame_at(min(max(scene.frame_current, first), last)).read()
+    return photo.width, photo.height
 
 
 def straight_copy(plate: Backplate) -> bpy.types.Image:

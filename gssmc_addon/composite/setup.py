@@ -55,6 +55,17 @@ def set_up(scene: bpy.types.Scene, lens_on: str = BEND) -> list[str]:
     kept = scene.gssmc.composite
     kept.before = json.dumps(record.values(scene, record.SCENE_PATHS))
     kept.engine, kept.camera = scene.render.engine, shot.camera
+    try:
+        notes = _apply(scene, shot, kept)
+    except Exception:
+        remove(scene)  # Whatever went wrong, nothing stays half done.
+        raise
+    width, height = shot.plate.size
+    return [rpt_(SET_UP, photo=shot.plate.name, width=width, height=height), *notes]
+
+
+def _apply(scene: bpy.types.Scene, shot: Shot, kept: GssmcComposite) -> list[str]:
+    """Makes every change. Returns sentences for the artist."""
     shown = look.of_scene(scene)
     notes = _set_frame(scene, shot, kept)
     notes += stage.set_stage(scene, kept)
@@ -62,9 +73,7 @@ def set_up(scene: bpy.types.Scene, lens_on: str = BEND) -> list[str]:
     scene.render.film_transparent = scene.render.use_compositing = True
     scene.render.dither_intensity = 0  # It would be added to the plate.
     parts = tree.Parts(_behind(shot, kept), _map(shot, kept), shown)
-    notes += tree.build(scene, host.begin(scene, kept), parts)
-    width, height = shot.plate.size
-    return [rpt_(SET_UP, photo=shot.plate.name, width=width, height=height), *notes]
+    return notes + tree.build(scene, host.begin(scene, kept), parts)
 
 
 def check(scene: bpy.types.Scene, lens_on: str) -> Shot:

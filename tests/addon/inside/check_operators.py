@@ -2,8 +2,11 @@
 
 import ast
 
+import cv2
+import numpy as np
 import plan
 import pytest
+import shots
 from samples import write_photo
 
 
@@ -82,3 +85,59 @@ def test_every_success_clears_the_panels_line(bpy, scene, tmp_path, name):
     scene.camera.data.type = "PERSP"
     assert success(bpy, scene, tmp_path, name) == {"FINISHED"}
     assert bpy.context.window_manager.gssmc.message == ""
+
+
+def refusal(bpy):
+    with pytest.raises(RuntimeError) as caught:
+        bpy.ops.gssmc.set_up_composite()
+    return str(caught.value)
+
+
+def test_a_composite_needs_a_camera_a_photo_and_a_solution(bpy, extension, scene):
+    before = shots.everything(bpy, scene)
+    assert "not solved yet" in refusal(bpy)
+    assert shots.everything(bpy, scene) == before
+    camera, photo = scene.camera, scene.camera.data.gssmc.photo
+    camera.data.gssmc.photo = None
+    camera.data.background_images.clear()
+    assert "has no photo" in refusal(bpy)
+    camera.data.gssmc.photo, scene.camera = photo, None
+    assert "no camera" in refusal(bpy)
+    assert not bpy.ops.gssmc.remove_composite.poll()
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_a_composite_shows_the_photo_and_leaves_no_trace(bpy, extension, scene, tmp_path, own):
+    """In a scene with a compositor, a keyed lens, another camera and backgrounds of its own."""
+    camera = scene.camera
+    camera.data.gssmc.k1 = -0.12
+    camera.data.background_images[0].offset = (0.0, 0.0)
+    shots.solved(bpy, extension, scene)
+    camera.data.keyframe_insert("lens", frame=1)
+    other = bpy.data.objects.new("other", bpy.data.cameras.new("other"))
+    scene.collection.objects.link(other)
+    tree = shots.own_compositor(bpy, scene) if own else None
+    if own:
+        scene.view_settings.exposure, scene.render.resolution_percentage = 0.7, 50
+    elif bpy.app.version < (5, 0):
+        scene.use_nodes = True  # Blender makes its usual nodes, which would count as a change.
+        scene.use_nodes = False
+    scene.render.engine = "CYCLES"
+    bpy.context.view_layer.update()
+    before = shots.everything(bpy, scene)
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    assert "Make Proxy" in bpy.context.window_manager.gssmc.message
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (60, 90)
+    assert camera.data.gssmc.overscan > 1
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}  # once more, and still one way back
+    picture = shots.render(bpy, scene, tmp_path / "f12.png", 1)
+    photo = cv2.imread(str(tmp_path / "a.png"))[..., ::-1].astype(int)
+    assert np.abs(picture - photo).max() <= 1
+    image = scene.render.filepath, scene.render.image_settings.file_format
+    assert bpy.ops.gssmc.remove_composite() == {"FINISHED"}
+    scene.render.filepath = before["render"]["filepath"]
+    assert image[1] == "PNG"
+    after = shots.everything(bpy, scene)
+    assert {key: (before.get(key), after.get(key)) for key in before | after if before.get(key) != after.get(key)} == {}
+    if own and bpy.app.version >= (5, 0):
+        assert tree.name in bpy.data.node_groups
