@@ -6,14 +6,12 @@ From 5.0 on, Convert to Display has transform and look. Before, Convert Colorspa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import bpy
 
 from ..support.texts import rpt_
-
-if TYPE_CHECKING:
-    from .tree import Nodes
+from .nodes import Nodes
 
 STANDARD, NO_LOOK, SCREEN = "Standard", "None", "sRGB"
 LINEAR_BEFORE_5 = "Linear Rec.709"

@@ -30,7 +30,7 @@ SET_UP = n_('F12 renders CG into "{photo}" at {width} x {height}.')
 
 
 @dataclass(frozen=True)
-class Shot:
+class CompositeShot:
     """What a composite is made of, all checked: the camera, what lies behind it, a straight copy of that where it is wanted."""
 
     camera: bpy.types.Object
@@ -64,7 +64,7 @@ def set_up(scene: bpy.types.Scene, lens_on: str = BEND) -> list[str]:
     return [rpt_(SET_UP, photo=shot.plate.name, width=width, height=height), *notes]
 
 
-def _apply(scene: bpy.types.Scene, shot: Shot, kept: GssmcComposite) -> list[str]:
+def _apply(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite) -> list[str]:
     """Makes every change. Returns sentences for the artist."""
     shown = look.of_scene(scene)
     notes = _set_frame(scene, shot, kept)
@@ -76,7 +76,7 @@ def _apply(scene: bpy.types.Scene, shot: Shot, kept: GssmcComposite) -> list[str
     return notes + tree.build(scene, host.begin(scene, kept), parts)
 
 
-def check(scene: bpy.types.Scene, lens_on: str) -> Shot:
+def check(scene: bpy.types.Scene, lens_on: str) -> CompositeShot:
     """What the composite is made of. Raises CameraError or PhotoError, with nothing changed."""
     camera = scene.camera
     if camera is None or camera.type != "CAMERA":
@@ -95,7 +95,7 @@ def check(scene: bpy.types.Scene, lens_on: str) -> Shot:
                 name=camera.name,
             )
         )
-    return Shot(camera, behind, plate.straight_copy(behind) if straightens else None)
+    return CompositeShot(camera, behind, plate.straight_copy(behind) if straightens else None)
 
 
 def remove(scene: bpy.types.Scene) -> list[str]:
@@ -128,7 +128,7 @@ def _forget(kept: GssmcComposite) -> None:
     kept.camera = kept.tree = kept.own_tree = None
 
 
-def _set_frame(scene: bpy.types.Scene, shot: Shot, kept: GssmcComposite) -> list[str]:
+def _set_frame(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite) -> list[str]:
     """Gives the render the photo's resolution, and the camera a frame that holds all that its lens bends into the photo."""
     data, render = shot.camera.data, scene.render
     for camera in {obj.data for obj in scene.objects if obj.type == "CAMERA" and obj.data.is_editable}:
@@ -150,14 +150,14 @@ def _set_frame(scene: bpy.types.Scene, shot: Shot, kept: GssmcComposite) -> list
     return notes
 
 
-def _behind(shot: Shot, kept: GssmcComposite) -> Backplate:
+def _behind(shot: CompositeShot, kept: GssmcComposite) -> Backplate:
     if shot.straight is None:
         return shot.plate
     kept.images.add().image = shot.straight
     return replace(shot.plate, image=shot.straight, user=None)
 
 
-def _map(shot: Shot, kept: GssmcComposite) -> bpy.types.Image | None:
+def _map(shot: CompositeShot, kept: GssmcComposite) -> bpy.types.Image | None:
     if shot.straight is not None or not shot.plate.lens.has_distortion:
         return None
     made = lens.map_image(shot.plate.lens, shot.ratio)

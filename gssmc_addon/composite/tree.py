@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import bpy
 
-from . import host
 from .look import Look, expose, show_as
+from .nodes import Nodes
 from .plate import Backplate
 
-STEP_X, PLATE_Y, MAP_Y = 220, 320, -320
+PLATE_Y, MAP_Y = 320, -320
 
 
 @dataclass(frozen=True)
@@ -24,40 +24,6 @@ class Parts:
     plate: Backplate
     map: bpy.types.Image | None
     look: Look
-
-
-class Nodes:
-    """Makes nodes from left to right in a tree of `scene`."""
-
-    def __init__(self, scene: bpy.types.Scene, tree: bpy.types.NodeTree) -> None:
-        self.scene, self.tree, self._x = scene, tree, -5 * STEP_X
-
-    def new(self, kind: str, label: str, y: int = 0) -> bpy.types.Node:
-        """A node of Blender's type `kind`."""
-        node = self.tree.nodes.new(kind)
-        self._place(node, y)
-        node.label = label
-        return node
-
-    def then(self, before: bpy.types.NodeSocket, kind: str, label: str) -> bpy.types.Node:
-        """The same, which takes `before` as its picture."""
-        node = self.new(kind, label)
-        self.link(before, node.inputs["Image"])
-        return node
-
-    def link(self, before: bpy.types.NodeSocket, after: bpy.types.NodeSocket) -> None:
-        self.tree.links.new(before, after)
-
-    def finish(self, picture: bpy.types.NodeSocket) -> None:
-        """Makes `picture` what the render gives."""
-        socket = host.output(self.tree, self.scene)
-        self._place(socket.node, 0)
-        self.link(picture, socket)
-
-    def _place(self, node: bpy.types.Node, y: int) -> None:
-        node.location = self._x, y
-        self._x += STEP_X
-        host.mark(self.scene, node)
 
 
 def build(scene: bpy.types.Scene, tree: bpy.types.NodeTree, parts: Parts) -> list[str]:

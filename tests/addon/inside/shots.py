@@ -1,4 +1,4 @@
-"""A place for composites: a plate of coloured spots, its camera with a bent lens, and a box and a floor that CG stands behind and on.
+"""A place for composites: a plate of spots, its camera with a bent lens, and a box and a floor that CG stands behind and on.
 
 Everything is exact: the camera and the proxy are made, not solved, and what a pixel shows follows from OpenCV's lens model.
 """
