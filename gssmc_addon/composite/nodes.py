@@ -31,6 +31,15 @@ class Nodes:
     def link(self, before: bpy.types.NodeSocket, after: bpy.types.NodeSocket) -> None:
         self.tree.links.new(before, after)
 
+    def at_render_size(self, picture: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """The picture as large as the render, which a percentage makes smaller than the photo."""
+        node = self.then(picture, "CompositorNodeScale", "Size of the render")
+        if "Type" in node.inputs:  # from 5.0 on
+            node.inputs["Type"].default_value, node.inputs["Frame Type"].default_value = "Render Size", "Stretch"
+        else:
+            node.space, node.frame_method = "RENDER_SIZE", "STRETCH"
+        return node.outputs["Image"]
+
     def finish(self, picture: bpy.types.NodeSocket) -> None:
         """Makes `picture` what the render gives."""
         socket = host.output(self.tree, self.scene)

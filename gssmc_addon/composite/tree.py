@@ -39,7 +39,7 @@ def build(scene: bpy.types.Scene, tree: bpy.types.NodeTree, parts: Parts) -> lis
     plate = _plate(nodes, parts.plate)
     over = nodes.new("CompositorNodeAlphaOver", "CG over plate")
     back, front = [socket for socket in over.inputs if socket.type == "RGBA"]
-    nodes.link(plate, back)
+    nodes.link(nodes.at_render_size(plate), back)
     nodes.link(picture, front)
     nodes.finish(over.outputs[0])
     return notes
@@ -54,7 +54,7 @@ def _bent(nodes: Nodes, picture: bpy.types.NodeSocket, where: bpy.types.Image) -
     shown = nodes.new("CompositorNodeImage", "Lens of the photo", MAP_Y)
     shown.image = where
     bend = nodes.then(picture, "CompositorNodeMapUV", "Bend")
-    nodes.link(shown.outputs["Image"], bend.inputs["UV"])
+    nodes.link(nodes.at_render_size(shown.outputs["Image"]), bend.inputs["UV"])
     return bend.outputs["Image"]
 
 

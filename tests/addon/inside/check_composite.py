@@ -29,9 +29,9 @@ def test_cg_is_cut_off_where_the_place_hides_it_and_bent_as_the_photo(bpy, place
     straight = cv2.undistortPoints(targets[:, None], shots.matrix(), shots.DIST).reshape(-1, 2)
     dots = np.column_stack([straight, np.ones(len(straight))]) * 1.5
     for dot in dots:
-        shots.add_ball(bpy, scene, dot, 2.2 * 1.5 * k[0, 0], white)
+        shots.add_ball(bpy, scene, dot, 2.2 * 1.5 * k[0, 0], white, rings=8)
     assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
-    with_cg = shots.render(bpy, scene, tmp_path / "cg.png", samples=24)
+    with_cg = shots.render(bpy, scene, tmp_path / "cg.png", samples=16)
     light, plate = to_light(with_cg).min(axis=2), to_light(place.plate.astype(int)).min(axis=2)
     coverage = (light - plate) / np.maximum(1 - plate, 0.02)
 
@@ -77,10 +77,18 @@ def test_the_plate_stays_and_cg_has_shadow_and_the_artists_look(bpy, place, tmp_
 
     ball.data.materials[0] = shots.material(bpy, "Emission", (0.8, 0.3, 0.1))
     shown = shots.render(bpy, scene, tmp_path / "emits.png", 4)
+    scene.render.resolution_percentage = 50  # as one renders to try
+    half = shots.render(bpy, scene, tmp_path / "half.png", 4)
+    want = cv2.resize(shown.astype(np.uint8), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    assert half.shape == want.shape
+    off = np.abs(half - want).max(axis=2)
+    assert np.median(off) <= 3
+    assert np.median(off[shots.ball_masks()[1][1::2, 1::2]]) <= 3
     bpy.ops.gssmc.remove_composite()
     assert scene.view_settings.view_transform == "AgX"
     place.proxy.hide_render = scene.gssmc.splat.hide_render = True
     scene.render.resolution_x, scene.render.resolution_y = shots.WIDTH // 4, shots.HEIGHT // 4
+    assert scene.render.resolution_percentage == 100
     plain = shots.render(bpy, scene, tmp_path / "plain.png", 4)
     inside = cv2.erode(visible.astype(np.uint8), np.ones((7, 7))).astype(bool)
     assert inside.sum() > 200

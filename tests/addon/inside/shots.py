@@ -100,9 +100,9 @@ def add_mesh(bpy, scene, name, vertices, faces):
     return obj
 
 
-def add_ball(bpy, scene, centre, radius, material):
-    """A smooth ball in the splat's coordinates."""
-    rings, parts = 32, 64
+def add_ball(bpy, scene, centre, radius, material, rings=32):
+    """A ball in the splat's coordinates, of twice as many parts around as `rings`."""
+    parts = 2 * rings
     points = [
         (radius * math.sin(a) * math.cos(b), radius * math.cos(a), radius * math.sin(a) * math.sin(b))
         for a in np.linspace(0, math.pi, rings + 1)
