@@ -17,11 +17,14 @@ class GSSMC_OT_set_up_composite(Idle, PlainOperator, bpy.types.Operator):
     bl_label = "Set Up Composite"
     bl_options = {"UNDO"}
 
-    __annotations__ = {"lens": EnumProperty(name="Lens", description="Where the lens distortion goes", items=setup.LENS_ITEMS)}
+    __annotations__ = {
+        "lens": EnumProperty(name="Lens", description="Where the lens distortion goes", items=setup.LENS_ITEMS),
+        "behind": EnumProperty(name="Behind", description="What lies behind the CG", items=setup.BEHIND_ITEMS),
+    }
 
     def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()  # Scripts set locations and expect them to be used.
-        said, *notes = setup.set_up(context.scene, self.lens)
+        said, *notes = setup.set_up(context.scene, self.lens, self.behind)
         return self.done(context, " ".join([said, *notes]), line=" ".join(notes))
 
 

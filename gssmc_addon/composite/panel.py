@@ -20,6 +20,10 @@ class GSSMC_PT_composite(panels._Sidebar, bpy.types.Panel):
         row.operator("gssmc.set_up_composite", icon="NODE_COMPOSITING")
         row.operator_menu_enum("gssmc.set_up_composite", "lens", text="", icon="DOWNARROW_HLT")
         column.operator("gssmc.remove_composite", icon="LOOP_BACK")
+        column = self.layout.column(align=True)
+        column.operator("gssmc.render_splat", icon="RENDER_ANIMATION")
+        if kept.frames_size[0]:
+            column.operator("gssmc.set_up_composite", text="Set Up With Splat Behind", icon="NODE_COMPOSITING").behind = "SPLAT"
         if kept.is_set_up and kept.camera != context.scene.camera:
             text = iface_(
                 'It is set up for "{name}"; set it up again for this camera.', name=kept.camera.name if kept.camera else "?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 
@@ -17,7 +18,8 @@ from ..support.texts import rpt_
 
 @dataclass(frozen=True)
 class Backplate:
-    """A photo, plate or movie clip behind a camera: one of `image` and `clip`; its lens at `size` (width, height).
+    """A photo, plate, movie clip, or render of the splat behind a camera: `image`, `clip` or `frames`, a folder; its lens at
+    `size` (width, height).
 
     `user`: which frame of a moving image the background shows; `moves`: whether it is one.
     """
@@ -26,9 +28,12 @@ class Backplate:
     clip: bpy.types.MovieClip | None
     user: bpy.types.ImageUser | None
     lens: Intrinsics
+    frames: Path | None = None
 
     @property
     def name(self) -> str:
+        if self.frames:
+            return self.frames.name
         return self.image.name if self.image else self.clip.name if self.clip else ""
 
     @property
@@ -52,6 +57,21 @@ def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object) -> Backplate:
     user = next((slot.image_user for slot in data.background_images if image and slot.image == image), None)
     lens = camera_bridge.photo_intrinsics(scene, data, width, height)
     return Backplate(image, None if image else clip, user, lens)
+
+
+def of_splat(scene: bpy.types.Scene) -> Backplate:
+    """The rendered frames of the splat. Raises PhotoError when there are none."""
+    kept = scene.gssmc.composite
+    folder = Path(bpy.path.abspath(kept.frames_folder))
+    width, height = kept.frames_size
+    if not (width and height and frame_file(folder, kept.frames_range[0]).exists()):
+        raise PhotoError(rpt_("No frames of the splat are rendered yet; use Render Splat first."))
+    return Backplate(None, None, None, Intrinsics(width, height, width, width, width / 2, height / 2), folder)
+
+
+def frame_file(folder: Path, frame: int) -> Path:
+    """Where a rendered frame of the splat lies."""
+    return folder / f"splat_{frame:04d}.exr"
 
 
 def _size(scene: bpy.types.Scene, camera: bpy.types.Object, shown: bpy.types.Image | bpy.types.MovieClip) -> tuple[int, int]:

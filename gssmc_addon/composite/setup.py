@@ -26,6 +26,11 @@ LENS_ITEMS = (
     (BEND, "On the CG", "The photo stays as it is, and the CG is bent as the photo's lens bends"),
     (STRAIGHTEN, "Off the Photo", "A copy of the photo without lens distortion lies behind the CG, which stays straight"),
 )
+PHOTO, SPLAT = "PHOTO", "SPLAT"
+BEHIND_ITEMS = (
+    (PHOTO, "Photo", "The scene camera's photo or plate lies behind the CG"),
+    (SPLAT, "Splat", "The frames that Render Splat made lie behind the CG, for shots without a photo"),
+)
 SET_UP = n_('F12 renders CG into "{photo}" at {width} x {height}.')
 
 
@@ -43,17 +48,19 @@ class CompositeShot:
         return 1.0 if self.straight else overscan_ratio(self.plate.lens)
 
 
-def set_up(scene: bpy.types.Scene, lens_on: str = BEND) -> list[str]:
+def set_up(scene: bpy.types.Scene, lens_on: str = BEND, behind: str = PHOTO) -> list[str]:
     """Sets the scene up for its camera, anew where a composite is there already. Returns sentences for the artist.
 
     Raises CameraError or PhotoError, with nothing changed, when camera, photo or solution is missing.
     """
-    shot = check(scene, lens_on)
+    shot = check(scene, lens_on, behind)
     if scene.gssmc.composite.is_set_up:
         remove(scene)
-        shot = replace(shot, plate=plate.of_camera(scene, shot.camera))
+        if behind == PHOTO:
+            shot = replace(shot, plate=plate.of_camera(scene, shot.camera))
     kept = scene.gssmc.composite
-    kept.before = json.dumps(record.values(scene, record.SCENE_PATHS))
+    depth_pass = f'view_layers["{bpy.utils.escape_identifier(tree.layer_of(scene))}"].use_pass_z'
+    kept.before = json.dumps(record.values(scene, (*record.SCENE_PATHS, depth_pass)))
     kept.engine, kept.camera = scene.render.engine, shot.camera
     try:
         notes = _apply(scene, shot, kept)
@@ -68,19 +75,28 @@ def _apply(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite) ->
     """Makes every change. Returns sentences for the artist."""
     shown = look.of_scene(scene)
     notes = _set_frame(scene, shot, kept)
-    notes += stage.set_stage(scene, kept)
+    by_depth = shot.plate.frames is not None and not stage.used_proxies(scene)
+    notes += stage.set_stage(scene, kept, shot.plate.frames is not None)
     notes += look.make_plain(scene)
     scene.render.film_transparent = scene.render.use_compositing = True
     scene.render.dither_intensity = 0  # It would be added to the plate.
-    parts = tree.Parts(_behind(shot, kept), _map(shot, kept), shown)
+    if by_depth:
+        scene.view_layers[tree.layer_of(scene)].use_pass_z = True
+    parts = tree.Parts(_behind(shot, kept), _map(shot, kept), shown, by_depth)
     return notes + tree.build(scene, host.begin(scene, kept), parts)
 
 
-def check(scene: bpy.types.Scene, lens_on: str) -> CompositeShot:
+def check(scene: bpy.types.Scene, lens_on: str, behind: str = PHOTO) -> CompositeShot:
     """What the composite is made of. Raises CameraError or PhotoError, with nothing changed."""
     camera = scene.camera
     if camera is None or camera.type != "CAMERA":
         raise CameraError(rpt_("The scene has no camera; add a photo, or pick one on the list."))
+    if behind == SPLAT:
+        return CompositeShot(camera, plate.of_splat(scene), None)
+    return _check_photo(scene, camera, lens_on)
+
+
+def _check_photo(scene: bpy.types.Scene, camera: bpy.types.Object, lens_on: str) -> CompositeShot:
     behind = plate.of_camera(scene, camera)
     if not camera.data.gssmc.solution:
         raise CameraError(
@@ -134,16 +150,16 @@ def _set_frame(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite
     for camera in {obj.data for obj in scene.objects if obj.type == "CAMERA" and obj.data.is_editable}:
         item = kept.cameras.add()
         item.data, item.before = camera, record.of_camera(camera)
-    aspects = conventions.pixel_aspects(data.gssmc.photo_pixel or 1.0)
     (render.resolution_x, render.resolution_y), render.resolution_percentage = shot.plate.size, 100
-    render.pixel_aspect_x, render.pixel_aspect_y = aspects
+    if shot.plate.frames is None:
+        render.pixel_aspect_x, render.pixel_aspect_y = conventions.pixel_aspects(data.gssmc.photo_pixel or 1.0)
     camera_frame.fit_all(scene)
     if shot.ratio > 1:
         record.zoom_out(data, shot.ratio)
     for item in kept.cameras:
         item.after = record.of_camera(item.data)
     notes = []
-    if camera_solution.change(scene, shot.camera):
+    if shot.plate.frames is None and camera_solution.change(scene, shot.camera):
         notes.append(rpt_("The camera is no longer what was solved; Back to Solution puts it back."))
     if shot.ratio == MOST:
         notes.append(rpt_("The lens bends so much that the corners of the photo get no CG."))
@@ -151,6 +167,11 @@ def _set_frame(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite
 
 
 def _behind(shot: CompositeShot, kept: GssmcComposite) -> Backplate:
+    if shot.plate.frames:
+        image = bpy.data.images.load(str(plate.frame_file(shot.plate.frames, kept.frames_range[0])))
+        image.source = "SEQUENCE"
+        kept.images.add().image = image
+        return replace(shot.plate, image=image)
     if shot.straight is None:
         return shot.plate
     kept.images.add().image = shot.straight

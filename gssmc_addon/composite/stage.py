@@ -16,20 +16,29 @@ CYCLES = "CYCLES"
 CATCHER, HOLDOUT = "SHADOW_CATCHER", "HOLDOUT"
 
 
-def set_stage(scene: bpy.types.Scene, kept: GssmcComposite) -> list[str]:
-    """Sets splats and proxies for the render engine that the scene has, each noted in `kept` as it was. Sentences on it."""
+def used_proxies(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The proxies of the picked splat that stand for it in the render."""
+    splat = scene.gssmc.splat
+    return [p for p in proxies_of(splat) if p.gssmc.proxy_use in (CATCHER, HOLDOUT)] if splat else []
+
+
+def set_stage(scene: bpy.types.Scene, kept: GssmcComposite, by_depth: bool) -> list[str]:
+    """Sets splats and proxies for the render engine that the scene has, each noted in `kept` as it was. Sentences on it.
+
+    `by_depth`: a render of the splat hides CG by its own depth where there is no proxy.
+    """
     splat, cycles = scene.gssmc.splat, scene.render.engine == CYCLES
-    used = [p for p in proxies_of(splat) if p.gssmc.proxy_use in (CATCHER, HOLDOUT)] if splat else []
+    used = used_proxies(scene)
     for proxy in used:
         catches = cycles and proxy.gssmc.proxy_use == CATCHER
         _touch(kept, proxy, hide_render=False, is_shadow_catcher=catches, is_holdout=not catches)
     # A native splat that is held out hides CG finer than any mesh, but takes the light off the mesh that catches shadows.
-    holds_out = cycles and not used and splat is not None and splat_object.is_native(splat.data)
+    holds_out = cycles and not used and not by_depth and splat is not None and splat_object.is_native(splat.data)
     for obj in scene.objects:
         if splat_object.is_splat(obj):
             keeps = holds_out and obj == splat
             _touch(kept, obj, hide_render=not keeps, is_holdout=keeps)
-    return _notes(used, cycles, holds_out)
+    return [] if by_depth and not used else _notes(used, cycles, holds_out)
 
 
 def _touch(kept: GssmcComposite, obj: bpy.types.Object, **wanted: bool) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import CollectionProperty, PointerProperty, StringProperty
+from bpy.props import CollectionProperty, IntVectorProperty, PointerProperty, StringProperty
 
 
 class GssmcTouchedObject(bpy.types.PropertyGroup):
@@ -55,6 +55,9 @@ class GssmcComposite(bpy.types.PropertyGroup):
         tree: bpy.types.NodeTree | None
         own_tree: bpy.types.NodeTree | None
         host: str
+        frames_folder: str
+        frames_range: tuple[int, int]
+        frames_size: tuple[int, int]
 
     __annotations__ = {
         "before": StringProperty(
@@ -67,6 +70,11 @@ class GssmcComposite(bpy.types.PropertyGroup):
         "host": StringProperty(name="Host", description="How the compositor itself was before, as JSON"),
         "objects": CollectionProperty(type=GssmcTouchedObject),
         "cameras": CollectionProperty(type=GssmcTouchedCamera),
+        "frames_folder": StringProperty(
+            name="Frames", description="Folder of the rendered frames of the splat", subtype="DIR_PATH"
+        ),
+        "frames_range": IntVectorProperty(name="Frame Range", description="The first and the last of those frames", size=2),
+        "frames_size": IntVectorProperty(name="Frame Size", description="Their width and height; 0: there are none", size=2),
         "images": CollectionProperty(type=GssmcMadeImage),
     }
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from samples import write_ply
 
 WIDTH, HEIGHT = 240, 180
 FX, FY, CX, CY = 189.4, 188.8, 121.5, 88.7
@@ -218,3 +219,17 @@ def own_compositor(bpy, scene):
     tree.links.new(layers.outputs["Image"], gain.inputs["Image"])
     tree.links.new(gain.outputs["Image"], out)
     return tree
+
+
+def write_wall(path, depth=3.0):
+    """A splat that is a grey wall left of the camera's middle, `depth` in front of it; its edge is at x = 0."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(-3, 0, 0.1) + 0.05, np.arange(-2.5, 2.5, 0.1)))
+    count = len(x)
+    columns = dict(zip("xyz", (x, y, np.full(count, depth)), strict=True))
+    columns |= {f"f_dc_{k}": np.full(count, (0.5 - 0.5) / 0.28209479) for k in range(3)}
+    columns |= {"opacity": np.full(count, 8.0), "rot_0": np.ones(count)}
+    columns |= {f"scale_{k}": np.full(count, math.log(0.08)) for k in range(2)} | {"scale_2": np.full(count, math.log(0.004))}
+    columns |= {f"rot_{k}": np.zeros(count) for k in (1, 2, 3)}
+    names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"]
+    names += ["rot_0", "rot_1", "rot_2", "rot_3"]
+    return write_ply(path, {name: columns[name].astype(np.float32) for name in names})
