@@ -18,6 +18,7 @@ from ..operators import (
     find_camera,
     import_cameras,
     import_splats,
+    make_proxy,
     match_resolution,
     models,
     preview,
@@ -48,6 +49,7 @@ from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch
+from .proxy import panel as proxy_panel
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
@@ -84,6 +86,7 @@ _class_modules = (
     track_plate,
     refine_sequence,
     weak_frame,
+    make_proxy,
     set_up_composite,
     remove_composite,
     render_splat,
@@ -91,6 +94,7 @@ _class_modules = (
     photo_panel,
     preview_panel,
     plate_panel,
+    proxy_panel,
     composite_panel,
     menus,
 )

@@ -1,8 +1,8 @@
 """The proxies of a splat, as objects: which they are, what they are used for, where they are kept.
 
-A proxy is a mesh object whose `gssmc.proxy_of` points at its splat and whose `gssmc.proxy_use` is one of `uses.USES`. Its mesh is
-in the coordinates of the splat's object, and it is the splat's child without a transform of its own, so that it goes where the
-splat goes.
+A proxy is a mesh object whose `gssmc.proxy_of` points at its splat and whose `gssmc.proxy_use` is one of `uses.USES`. Its mesh
+is in the coordinates of the splat's object, and it is the splat's child without a transform of its own, so that it goes where
+the splat goes.
 """
 
 from __future__ import annotations

@@ -44,6 +44,7 @@ class BlendData(bpy_struct):
     collections: BlendBlocks[Collection]
     images: BlendBlocks[Image]
     materials: BlendBlocks[Material]
+    meshes: BlendBlocks[Mesh]
     objects: BlendBlocks[Object]
     pointclouds: BlendBlocks[PointCloud]
     scenes: BlendBlocks[Scene]
@@ -66,6 +67,8 @@ class Object(ID):
     matrix_world: Matrix
     matrix_basis: Matrix
     matrix_parent_inverse: Matrix
+
+class Mesh(ID): ...
 
 class Camera(ID):
     gssmc: GssmcCamera
