@@ -83,7 +83,7 @@ def add_ball(scene: bpy.types.Scene) -> None:
 def add_light(scene: bpy.types.Scene) -> None:
     """A lamp below the ceiling, and some light from everywhere."""
     lamp = bpy.data.lights.new("lamp", "AREA")
-    lamp.energy, lamp.size = 25, 0.8
+    lamp.energy, lamp.size = 60, 0.5
     obj = bpy.data.objects.new("lamp", lamp)
     scene.collection.objects.link(obj)
     obj.parent, obj.location, obj.rotation_euler = scene.gssmc.splat, LAMP, (math.pi / 2, 0, 0)
@@ -91,7 +91,7 @@ def add_light(scene: bpy.types.Scene) -> None:
     if scene.world.node_tree is None:
         scene.world.use_nodes = True
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (0.9, 0.95, 1, 1), 0.25
+    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (0.9, 0.95, 1, 1), 0.12
 
 
 if __name__ == "__main__":
