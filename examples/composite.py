@@ -75,7 +75,7 @@ def add_ball(scene: bpy.types.Scene) -> None:
     if material.node_tree is None:  # before Blender 5.0
         material.use_nodes = True
     shader = material.node_tree.nodes["Principled BSDF"]
-    shader.inputs["Base Color"].default_value = (0.8, 0.25, 0.05, 1)
+    shader.inputs["Base Color"].default_value = (0.04, 0.2, 0.8, 1)
     shader.inputs["Roughness"].default_value = 0.35
     ball.data.materials.append(material)
 
