@@ -50,11 +50,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         enable_extension(Path(folder))
         sample = write_sample(Path(folder) / "sample")
-        print("| " + " | ".join(COLUMNS) + " |\n|" + "---|" * len(COLUMNS))
-        for engine in options.engines:
-            for proxy in options.proxies:
-                row = Trial(sample, Path(folder), engine, options.samples).run(proxy)
-                print("| " + " | ".join(row) + " |", flush=True)
+        pairs = [(engine, proxy) for engine in options.engines for proxy in options.proxies]
+        rows = [Trial(sample, Path(folder), engine, options.samples).run(proxy) for engine, proxy in pairs]
+    print("| " + " | ".join(COLUMNS) + " |\n|" + "---|" * len(COLUMNS))  # below what Blender prints
+    for row in rows:
+        print("| " + " | ".join(row) + " |")
     return 0
 
 
@@ -95,15 +95,17 @@ class Trial:
         whole, visible = self.masks()
         near = cv2.dilate(whole.astype(np.uint8), np.ones((5, 5))).astype(bool)
         shadow = int((((self.photo - lit).min(axis=2) > DARKER) & ~near).sum())
-        wrong = 100 * ((self.coverage(ball) > 0.5) != visible)[near].sum() / whole.sum()
+        wrong = 100 * ((self.coverage([ball]) > 0.5) != visible)[near].sum() / whole.sum()
         self.bpy.data.objects.remove(ball)
         return [self.engine, proxy, f"{plate}", f"{wrong:.2f}", f"{shadow}", f"{self.lens_error():.3f}", f"{seconds:.1f}"]
 
-    def coverage(self, ball: Any) -> np.ndarray:
-        """How much of each pixel (H, W) the ball covers: it is rendered bright and black, and what differs is the ball."""
+    def coverage(self, balls: list[Any]) -> np.ndarray:
+        """How much of each pixel (H, W) the balls cover: they are rendered bright and black, and what differs are the balls."""
         pictures = []
         for value in (1.0, 0.0):
-            ball.data.materials[0] = self.material("Emission", (value,) * 3)
+            material = self.material("Emission", (value,) * 3)
+            for ball in balls:
+                ball.data.materials[0] = material
             pictures.append(to_light(self.render()).mean(axis=2))
         return (pictures[0] - pictures[1]) / max(1e-6, float((pictures[0] - pictures[1]).max()))
 
@@ -114,11 +116,9 @@ class Trial:
         rays = np.column_stack([self.lens.normalise(targets), np.ones(len(targets))]) * DOT_DEPTH
         for obj in [o for o in self.scene.objects if o.type == "MESH"]:
             obj.hide_render = True
-        dark = to_light(self.render()).mean(axis=2)
-        white, radius = self.material("Emission", (1, 1, 1)), DOT_PX / self.lens.focal * DOT_DEPTH
-        for place in (rays - self.truth.pose.t) @ self.truth.pose.R:
-            self.add_ball(place, radius, white)
-        light = np.clip(to_light(self.render()).mean(axis=2) - dark, 0, 1)
+        radius = DOT_PX / self.lens.focal * DOT_DEPTH
+        places = (rays - self.truth.pose.t) @ self.truth.pose.R
+        light = self.coverage([self.add_ball(place, radius, self.material("Emission", (1, 1, 1))) for place in places])
         yy, xx = np.mgrid[: self.lens.height, : self.lens.width] + 0.5
         worst = 0.0
         for u, v in targets:
