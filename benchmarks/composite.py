@@ -72,11 +72,11 @@ class Trial:
         self.truth, self.splat = read_cameras(sample.truth)[0], self.scene.gssmc.splat
         self.lens = self.truth.intrinsics
         keep_as_solved(self.scene, self.lens.width, self.lens.height)
-        self.scene.render.engine = engine
         if engine == "EEVEE":
             self.scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE"
             self.scene.eevee.taa_render_samples = samples
         else:
+            self.scene.render.engine = engine
             self.scene.cycles.samples, self.scene.cycles.use_denoising = samples, False
         self.engine = engine
 
