@@ -13,14 +13,17 @@ from ..operators import (
     camera_from_view,
     cancel,
     clear_maps,
+    drag_wipe,
     export_cameras,
     export_splats,
     find_camera,
     import_cameras,
     import_splats,
+    look,
     make_proxy,
     match_resolution,
     models,
+    pin_frame,
     preview,
     refine,
     refine_all,
@@ -37,6 +40,7 @@ from ..operators import (
     set_up_composite,
     track_plate,
     undistort_photo,
+    undistort_plate,
     up_axis,
     weak_frame,
 )
@@ -46,6 +50,7 @@ from .headless import command as cli
 from .jobs import slot
 from .photo import panel as photo_panel
 from .plate import panel as plate_panel
+from .plate.track import plot as frame_plot
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch
@@ -71,6 +76,8 @@ _class_modules = (
     same_lens,
     set_mask,
     set_masks,
+    look,
+    drag_wipe,
     preview,
     import_cameras,
     export_cameras,
@@ -79,12 +86,14 @@ _class_modules = (
     back_to_solution,
     match_resolution,
     undistort_photo,
+    undistort_plate,
     up_axis,
     report_problem,
     reset_settings,
     add_plate,
     track_plate,
     refine_sequence,
+    pin_frame,
     weak_frame,
     make_proxy,
     set_up_composite,
@@ -107,6 +116,7 @@ def register() -> None:
         for cls in module.classes:
             bpy.utils.register_class(cls)
     menus.register()
+    frame_plot.register()
     preferences.register()
     slot.register()
     camera_frame.register()
@@ -124,6 +134,7 @@ def unregister() -> None:
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
     preferences.unregister()
+    frame_plot.unregister()
     menus.unregister()
     for module in reversed(_class_modules):
         for cls in reversed(module.classes):

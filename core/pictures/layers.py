@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..photos.linear import from_srgb
+from ..photos.containers.light import from_srgb
+from ..photos.containers.openexr import Channel, write_exr
 from ..render.view import RenderedView
-from .exr import Channel, write_exr
 
 # How far Blender puts what is not there.
 NOTHING = 1e10

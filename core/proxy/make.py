@@ -20,7 +20,7 @@ from .planes import PlaneRenderer
 from .settings import OVERSAMPLING, ProxySettings
 from .space import GridSpace
 from .surface import surface_nets
-from .views import DepthView
+from .views import DepthView, covering
 
 NEAREST_PCT = 2.0  # percentile of the depth at which the surfaces begin
 COUNTED = 4.0  # pixels: cells of this size are counted to tell how many there would be of others
@@ -81,7 +81,7 @@ def _drawn(
     views = []
     for number, camera in enumerate(cameras, 1):
         yield ProxyStep("drawing views", FUSING * (number - 1) / len(cameras), number, len(cameras))
-        own = Camera(camera.intrinsics.pinhole().with_long_side(settings.long_side_px), camera.pose, camera.file)
+        own = Camera(covering(camera.intrinsics).with_long_side(settings.long_side_px), camera.pose, camera.file)
         view = DepthView.of(own, *renderer.render(own, should_stop))
         if (view.depth > 0).any():
             views.append(view)

@@ -9,7 +9,7 @@ from ..geometry.camera import FloatArray
 
 IntArray = NDArray[np.int64]
 
-FLOATER = 0.005  # a piece of less than this share of the triangles is a floater
+FLOATER = 0.001  # a piece of less than this share of the triangles is a floater
 
 
 def compacted(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:

@@ -17,11 +17,11 @@ Float32Array = NDArray[np.float32]
 MIN_ALPHA = 0.5  # a pixel below it shows the background as much as the scan
 JUMP = 0.03  # of the depth: neighbours that are farther apart belong to two surfaces
 BEND = 0.003  # of the depth, from pixel to pixel: less is no jump, but a steep surface
-# Of a pixel, from which on it counts as the near surface's: the Gaussians at an edge reach out over it by half their deviation.
-NEAR_SHARE = 0.6
+# Of a pixel, from which on it counts as the near surface's: Gaussians at an edge reach out over it, some pixels wide.
+NEAR_SHARE = 0.75
+MARGIN, MOST_BENT = 0.03, 0.3  # of the picture's longer side; of each side
 REACH_PX = 2  # how far from a jump a pixel may show both surfaces
 MIN_STD = 0.005  # of the depth: no depth is taken to be known better
-BAR = np.array([[1.0, -2.0, 1.0]], np.float32)
 GRAZING = 0.1  # the least cosine between a ray and a surface's normal
 
 
@@ -56,6 +56,19 @@ class DepthView:
         return self.camera.pose.inverse().transform(local)
 
 
+def covering(k: Intrinsics) -> Intrinsics:
+    """A pinhole that sees all of a photo whose lens bends, and MARGIN more to each side, for the mesh ends within the views."""
+    shares = np.linspace(0, 1, 17)
+    corners = [(s, t) for s in shares for t in shares if {s, t} & {0.0, 1.0}]
+    rim = k.undistort(np.array(corners) * (k.width, k.height))
+    size = np.array([k.width, k.height])
+    # Where a lens model folds over, far out, its inverse may be anything.
+    low = np.maximum(np.minimum(rim.min(axis=0), 0), -MOST_BENT * size) - MARGIN * size.max()
+    high = np.minimum(np.maximum(rim.max(axis=0), size), (1 + MOST_BENT) * size) + MARGIN * size.max()
+    width, height = np.ceil(high - low).astype(int).tolist()
+    return Intrinsics(width, height, k.fx, k.fy, k.cx - float(low[0]), k.cy - float(low[1]))
+
+
 def sharpened(depth: Float32Array) -> Float32Array:
     """Depth (H, W) in which a pixel near a jump has the depth of the surface that it shows; 0 stays 0.
 
@@ -69,10 +82,17 @@ def sharpened(depth: Float32Array) -> Float32Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         # The inverse depth of a plane is linear in the picture, however steep it is.
         inverse = np.where(known, 1 / depth, 0).astype(np.float32)
-        bend = np.maximum(*(np.abs(cv2.filter2D(inverse, -1, bar)) for bar in (BAR, BAR.T))) * depth
+        bend = np.maximum(_bend(inverse), _bend(inverse.T).T) * depth
         bridge = known & (far - near > JUMP * near) & (cv2.dilate(bend, kernel) > BEND)
         is_near = inverse > NEAR_SHARE / near + (1 - NEAR_SHARE) / far
     return np.where(bridge, np.where(is_near, near, far), depth).astype(np.float32)
+
+
+def _bend(values: Float32Array) -> Float32Array:
+    """The second differences along the rows (H, W), without sign; 0 at their ends."""
+    out = np.zeros(values.shape, np.float32)
+    out[:, 1:-1] = np.abs(values[:, 2:] - 2 * values[:, 1:-1] + values[:, :-2])
+    return out
 
 
 def _rays(k: Intrinsics) -> Float32Array:

@@ -31,6 +31,7 @@ BEHIND_ITEMS = (
     (PHOTO, "Photo", "The scene camera's photo or plate lies behind the CG"),
     (SPLAT, "Splat", "The frames that Render Splat made lie behind the CG, for shots without a photo"),
 )
+ZOOM = 1e-3  # a relative change of the focal length below which a lens does not zoom
 SET_UP = n_('F12 renders CG into "{photo}" at {width} x {height}.')
 
 
@@ -161,9 +162,18 @@ def _set_frame(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite
     notes = []
     if shot.plate.frames is None and camera_solution.change(scene, shot.camera):
         notes.append(rpt_("The camera is no longer what was solved; Back to Solution puts it back."))
+    if shot.straight is None and shot.plate.lens.has_distortion and _zooms(data):
+        notes.append(rpt_("The lens zooms, and the CG is bent as the lens bends at the present frame."))
     if shot.ratio == MOST:
         notes.append(rpt_("The lens bends so much that the corners of the photo get no CG."))
     return notes
+
+
+def _zooms(data: bpy.types.Camera) -> bool:
+    """Whether keys change the focal length."""
+    keys = (curve.keyframe_points for curve in camera_channels.curves(data) if curve.data_path == "lens")
+    values = [point.co.y for points in keys for point in points]
+    return bool(values) and max(values) - min(values) > ZOOM * max(values)
 
 
 def _behind(shot: CompositeShot, kept: GssmcComposite) -> Backplate:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.pictures.exr import read_exr, write_exr
+from core.photos.containers.openexr import read_exr, write_exr
 from core.pictures.layers import COLOUR, DEPTH, NOTHING, layers_of, write_layers
 from core.render.view import RenderedView
 
