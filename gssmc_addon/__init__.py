@@ -29,13 +29,16 @@ from ..operators import (
     refine,
     refine_all,
     refine_sequence,
+    remove_composite,
     remove_photo,
+    render_splat,
     report_problem,
     reset_settings,
     review,
     same_lens,
     set_mask,
     set_masks,
+    set_up_composite,
     track_plate,
     undistort_photo,
     undistort_plate,
@@ -43,6 +46,7 @@ from ..operators import (
     weak_frame,
 )
 from .camera import frame as camera_frame
+from .composite import panel as composite_panel
 from .headless import command as cli
 from .jobs import slot
 from .look import cards
@@ -95,11 +99,15 @@ _class_modules = (
     pin_frame,
     weak_frame,
     make_proxy,
+    set_up_composite,
+    remove_composite,
+    render_splat,
     panels,
     photo_panel,
     preview_panel,
     plate_panel,
     proxy_panel,
+    composite_panel,
     menus,
 )
 _cli_commands: list[object] = []
