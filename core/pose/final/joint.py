@@ -162,9 +162,7 @@ def _by_matches(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, si
     if problem.pins is None:
         return matches
     held = problem.pins.equations(camera, problem.free)
-    return NormalEquations(
-        matches.cost + held.cost, matches.gradient + held.gradient, matches.information + held.information
-    )
+    return NormalEquations(matches.cost + held.cost, matches.gradient + held.gradient, matches.information + held.information)
 
 
 @dataclass(frozen=True, eq=False)

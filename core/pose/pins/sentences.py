@@ -59,6 +59,14 @@ def contradicted(errors_px: FloatArray) -> str:
     return f"The pins contradict each other: half of them lie {off} off or more; check them, and the focal length."
 
 
+def left_behind(errors_px: FloatArray) -> str:
+    """That a refinement left the pins that it was to hold."""
+    off = float(np.median(errors_px))
+    if not isfinite(off):
+        return "The pins lie behind the refined camera; compare photo and splat by eye, or keep the camera of the pins."
+    return f"The pins lie {pixels(off)} off at the refined camera; compare photo and splat by eye, or weigh the pins more."
+
+
 def outliers(numbers: NDArray[np.int64], errors_px: FloatArray) -> list[str]:
     """Of each pin that lies far off, the worst first, that it does."""
     worst = sorted((int(n) for n in numbers), key=lambda n: -float(errors_px[n]))[:NAMED]
