@@ -28,7 +28,7 @@ MAX_WEIGHT = 1e6
 @dataclass(frozen=True)
 class Pin:
     """`photo`: a pixel (x, y) of the photo at its full size, distorted as the lens drew it; `world`: the point (x, y, z) of the
-    scan that is to be seen there, in its coordinates; `weight`: how much it counts, 1 for a click by hand.
+    scan that is to be seen there, in its coordinates; `weight`: how many clicks by hand it counts as.
 
     Raises CameraError for numbers that are none.
     """
@@ -68,7 +68,7 @@ def pin_std_px(lens: Intrinsics) -> float:
 def pinned_points(pins: Sequence[Pin], lens: Intrinsics, scale: float = np.inf) -> PinnedPoints:
     """The pins as residuals in the photo of `lens`; `scale` as in PinnedPoints."""
     weights = np.array([pin.weight for pin in pins])
-    return PinnedPoints.of(worlds(pins), photos(pins), pin_std_px(lens) / np.sqrt(weights), scale)
+    return PinnedPoints.of(worlds(pins), photos(pins), pin_std_px(lens), weights, scale)
 
 
 def worlds(pins: Sequence[Pin]) -> FloatArray:

@@ -22,7 +22,7 @@ from ..shared.lens import ALL, FOCAL, CameraUnknowns, Free, LensPrior
 from . import sentences
 from .candidates import FOCAL_SCALES, rough_cameras
 from .fit import Near, PinProblem, fit_pins
-from .pin import OUTLIER, Pin, pinned_points, worlds
+from .pin import OUTLIER, Pin, pin_std_px, pinned_points, worlds
 
 PinLens = Literal["auto", "fixed", "focal"]
 State = Literal["guided", "placed", "doubtful"]
@@ -145,7 +145,7 @@ class _Placing:
         scales = (1.0, *FOCAL_SCALES) if self.problem.free else (1.0,)
         rough = rough_cameras(self.start.intrinsics, self.pins, scales)
         squared, limit = (rough.errors_px / self.points.std_px) ** 2, min(self.points.scale, WIDE) ** 2
-        cost = (0.5 * limit * squared / (limit + np.minimum(squared, 1e12))).sum(axis=1)
+        cost = (0.5 * limit * squared / (limit + np.minimum(squared, 1e12))) @ self.points.weights
         if self.problem.free:
             cost += 0.5 * self.problem.prior.information[0] * np.log(rough.scales) ** 2
         centres, degrees = rough.centres, rough.turned_deg(self.start.pose)
@@ -185,7 +185,7 @@ def _report(placing: _Placing, found: Sequence[CameraUnknowns], began: float) ->
         reasons=(),
         pins=placing.pins,
         errors_px=points.errors_px(camera),
-        counts=points.weights(camera),
+        counts=points.counts(camera),
         median_depth=depth,
         covariance=covariance,
         translation_std_pct=100 * float(np.linalg.norm(std[:3])) / depth,
@@ -229,7 +229,7 @@ def _judged(report: PinReport, other: tuple[float, float] | None) -> PinReport:
     """The report with its state and its sentences."""
     if len(report.pins) < LEAST:
         return replace(report, state="guided", reasons=(sentences.guided(len(report.pins)),))
-    limit = CONTRADICTED * pinned_points(report.pins, report.camera.intrinsics).std_px
+    limit = CONTRADICTED * pin_std_px(report.camera.intrinsics)
     doubts = [
         sentences.unbounded() if not np.isfinite(report.translation_std_pct) else "",
         sentences.contradicted(report.errors_px) if np.median(report.errors_px / limit) > 1 else "",
@@ -238,7 +238,11 @@ def _judged(report: PinReport, other: tuple[float, float] | None) -> PinReport:
     ]
     doubts = [doubt for doubt in doubts if doubt]
     off = np.flatnonzero(report.errors_px > limit)
-    told = [sentences.placed(report), *doubts, *([] if len(off) == len(limit) else sentences.outliers(off, report.errors_px))]
+    told = [
+        sentences.placed(report),
+        *doubts,
+        *([] if len(off) == len(report.pins) else sentences.outliers(off, report.errors_px)),
+    ]
     if len(report.pins) == LEAST:
         told.append(sentences.three_always_fit())
     return replace(report, state="doubtful" if doubts else "placed", reasons=tuple(told))

@@ -158,7 +158,9 @@ def test_no_pins_and_points_behind_every_camera_are_refused(clicker):
 def test_the_jacobian_is_that_of_finite_differences():
     rng = np.random.default_rng(0)
     camera = CameraUnknowns(Pose(), LENS)
-    points = PinnedPoints.of(rng.uniform((-1, -1, 3), (1, 1, 5), (6, 3)), rng.uniform(50, 200, (6, 2)), rng.uniform(1, 3, 6))
+    points = PinnedPoints.of(
+        rng.uniform((-1, -1, 3), (1, 1, 5), (6, 3)), rng.uniform(50, 200, (6, 2)), 2.0, rng.uniform(1, 3, 6), 8.0
+    )
     exact = points.equations(camera, ALL).gradient
     for i, step in enumerate(1e-6 * np.eye(15)):
         costs = [points.equations(camera.moved(sign * step, ALL), ALL).cost for sign in (1, -1)]
@@ -211,21 +213,14 @@ def test_pins_of_a_file_are_points_or_pixels_of_a_view(tmp_path, room):
 
 
 @pytest.mark.loop
-def test_a_refinement_holds_its_pins_as_much_as_they_weigh_and_says_where_it_leaves_them(room, photo):
-    """Wrong pins, 25 px off: hundreds of matches outweigh them as they are, and not where they weigh more than all of these."""
+def test_a_refinement_says_where_it_leaves_the_pins_that_it_was_to_hold(room, photo):
+    """Pins 25 px off, which hundreds of matches outweigh."""
     pixels = np.array([(40.0, 40.0), (280.0, 60.0), (260.0, 200.0), (60.0, 190.0)])
     world = np.array([surface_point(room, LENS.pinhole(), TRUTH, tuple(p)) for p in pixels])
     seen = LENS.project(TRUTH.transform(world))
-    start, quick = Camera(LENS, start_off(0.03, 2.0)), RefineSettings(iterations=2)
+    start, quick = Camera(LENS, start_off(0.03, 2.0)), RefineSettings(iterations=1, final_long_side_px=320)
 
-    def refined(shift, weight):
-        pins = [Pin((x + shift, y), tuple(w), weight) for (x, y), w in zip(seen.tolist(), world.tolist(), strict=True)]
-        report = run_to_end(iterate_refinement(room, photo, start, quick, pins))
-        return report, pose_error(report.camera.pose, TRUTH)[1]
-
-    right, off = refined(0.0, 1.0)
-    assert right.verdict == "trusted" and off < 0.06
-    wrong, off = refined(25.0, 1.0)
-    assert wrong.verdict == "check" and wrong.reasons[0].startswith("The pins lie ") and off < 0.1
-    _, off = refined(4.0, 3000.0)
-    assert off > 0.3, "pins that weigh more than the matches move the camera"
+    pins = [Pin((x + 25, y), tuple(w)) for (x, y), w in zip(seen.tolist(), world.tolist(), strict=True)]
+    report = run_to_end(iterate_refinement(room, photo, start, quick, pins))
+    assert report.verdict == "check" and report.reasons[0].startswith("The pins lie ")
+    assert pose_error(report.camera.pose, TRUTH)[1] < 0.1
