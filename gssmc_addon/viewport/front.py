@@ -34,13 +34,13 @@ def front_pictures(context: bpy.types.Context) -> list[FrontPicture]:
     camera = space.camera if region.view_perspective == "CAMERA" else None
     if camera is None or camera.type != "CAMERA" or not camera.data.show_background_images or not space.overlay.show_overlays:
         return []
-    border = _border(context.scene, camera.data, region.window_matrix)
+    border = border_of(context.scene, camera.data, region.window_matrix)
     slots = [slot for slot in camera.data.background_images if slot.show_background_image and slot.display_depth == "FRONT"]
     found = [_picture(slot, border, (context.region.width, context.region.height)) for slot in slots]
     return [picture for picture in found if picture is not None][-MOST:]
 
 
-def _border(scene: bpy.types.Scene, data: bpy.types.Camera, projection: Matrix) -> np.ndarray:
+def border_of(scene: bpy.types.Scene, data: bpy.types.Camera, projection: Matrix) -> np.ndarray:
     """Lower left and upper right corner (2, 2) of the camera's frame, in 0..1 of the region."""
     corners = []
     for corner in data.view_frame(scene=scene):
