@@ -8,6 +8,7 @@ from ..operators import (
     add_photo,
     add_photo_folder,
     add_photos,
+    add_pin,
     add_plate,
     back_to_solution,
     camera_from_view,
@@ -20,26 +21,34 @@ from ..operators import (
     import_splats,
     match_resolution,
     models,
+    place_by_pins,
     preview,
     refine,
     refine_all,
     refine_sequence,
     remove_photo,
+    remove_pin,
     report_problem,
     reset_settings,
     review,
     same_lens,
+    set_floor,
     set_mask,
     set_masks,
+    set_scale,
+    solve_pins,
     track_plate,
     undistort_photo,
     up_axis,
     weak_frame,
 )
 from .camera import frame as camera_frame
+from .floor import panel as floor_panel
 from .headless import command as cli
 from .jobs import slot
 from .photo import panel as photo_panel
+from .pins import marks
+from .pins import panel as pins_panel
 from .plate import panel as plate_panel
 from .preview import flicker
 from .preview import panel as preview_panel
@@ -80,10 +89,18 @@ _class_modules = (
     track_plate,
     refine_sequence,
     weak_frame,
+    add_pin,
+    remove_pin,
+    solve_pins,
+    place_by_pins,
+    set_floor,
+    set_scale,
     panels,
+    pins_panel,
     photo_panel,
     preview_panel,
     plate_panel,
+    floor_panel,
     menus,
 )
 _cli_commands: list[object] = []
@@ -99,6 +116,7 @@ def register() -> None:
     slot.register()
     camera_frame.register()
     viewport.register()
+    marks.register()
     preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
@@ -106,6 +124,7 @@ def register() -> None:
 def unregister() -> None:
     slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
+    marks.unregister()
     viewport.unregister()
     camera_frame.unregister()
     flicker.unregister()

@@ -11,6 +11,7 @@ from ..core.pose.pins.pin import Pin
 from ..gssmc_addon.clicks import surface
 from ..gssmc_addon.jobs.operator import Idle
 from ..gssmc_addon.pins import state
+from ..gssmc_addon.pins.apply import solve_and_keep
 from ..gssmc_addon.support.operator_parts import NeedsPhoto, PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 
@@ -38,7 +39,7 @@ class GSSMC_OT_add_pin(NeedsPhoto, Idle, PlainOperator, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()  # Scripts set locations and expect them to be used.
-        scene, splat, camera = context.scene, surface.check(context.scene), state.check(context.scene)
+        splat, camera = surface.check(context.scene), state.check(context.scene)
         given = self.properties.is_property_set
         if not (given("photo_x") and given("photo_y")):
             raise RefineError(rpt_("A pin needs its pixel of the photo; give photo_x and photo_y."))
@@ -50,11 +51,7 @@ class GSSMC_OT_add_pin(NeedsPhoto, Idle, PlainOperator, bpy.types.Operator):
             raise RefineError(rpt_("A pin needs its point of the splat; give world, or splat_x and splat_y."))
         number = state.add(camera.data, Pin((self.photo_x, self.photo_y), point, self.weight)) + 1
         if self.solve:
-            start = state.camera_of(scene, camera, splat)
-            report = state.solve(start, camera.data)
-            state.show(scene, camera, splat, report)
-            state.keep(scene, camera, splat, report)
-            return self.done(context, " ".join(report.reasons))
+            return self.done(context, solve_and_keep(context))
         return self.done(context, rpt_('Pin {number} of "{name}" is set.', number=number, name=camera.name))
 
     def _seen(

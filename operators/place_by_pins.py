@@ -6,11 +6,10 @@ import bpy
 
 from ..core.errors import GssmcError
 from ..gssmc_addon.jobs.operator import Idle
-from ..gssmc_addon.pins import state
+from ..gssmc_addon.pins.apply import solve_and_keep
 from ..gssmc_addon.pins.session import PinSession
 from ..gssmc_addon.support.operator_parts import NeedsPhoto, PlainOperator
 from ..gssmc_addon.support.texts import rpt_
-from .solve_pins import solve_and_keep
 
 
 class GSSMC_OT_place_by_pins(PinSession, NeedsPhoto, Idle, PlainOperator, bpy.types.Operator):
@@ -31,8 +30,7 @@ class GSSMC_OT_place_by_pins(PinSession, NeedsPhoto, Idle, PlainOperator, bpy.ty
 
     def run(self, context: bpy.types.Context) -> set[str]:
         """In a script: the camera goes where the pins that it has place it."""
-        camera = state.check(context.scene)
-        return self.done(context, solve_and_keep(context, camera))
+        return self.done(context, solve_and_keep(context))
 
 
 classes = (GSSMC_OT_place_by_pins,)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import blf
 import bpy
@@ -48,7 +49,7 @@ def draw(marks: Marks) -> None:
 def _ring(middle: Place, radius: float) -> list[Place]:
     turns = [2 * math.pi * k / DOT for k in range(DOT + 1)]
     around = [(middle[0] + radius * math.cos(a), middle[1] + radius * math.sin(a)) for a in turns]
-    return [point for pair in zip(around, around[1:], strict=False) for point in pair]
+    return [point for pair in pairwise(around) for point in pair]
 
 
 def _cross(middle: Place, half: float) -> list[Place]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -85,7 +85,7 @@ def in_scene(splat: bpy.types.Object, point: tuple[float, float, float]) -> Vect
     return camera_bridge.world_matrix(splat) @ Vector(point)
 
 
-def in_splat(splat: bpy.types.Object, point: Vector) -> tuple[float, float, float]:
+def in_splat(splat: bpy.types.Object, point: Iterable[float]) -> tuple[float, float, float]:
     """A point of the scene, among those of the splat's object."""
     x, y, z = camera_bridge.world_matrix(splat).inverted() @ Vector(point)
     return x, y, z

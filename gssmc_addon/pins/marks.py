@@ -1,4 +1,4 @@
-"""The pins over the photo, in every viewport that looks through their camera: where each was set, and where its point is seen."""
+"""The pins over the photo where a viewport looks through their camera: where each was set, and where its point is seen."""
 
 from __future__ import annotations
 

@@ -49,7 +49,8 @@ class PinSession(ClickSession):
 
     def begin(self, context: bpy.types.Context) -> set[str]:
         """Looks through the camera and starts. Raises GssmcError."""
-        camera, self._past = state.check(context.scene), []
+        camera = state.check(context.scene)
+        self._past: list[_Moment] = []
         result = self.begin_session(context, rpt_(HELP))
         splat = context.scene.gssmc.splat
         self._camera_uid = camera.session_uid
@@ -72,8 +73,10 @@ class PinSession(ClickSession):
             return {"RUNNING_MODAL"} if self._dragged >= 0 else {"PASS_THROUGH"}
         if kind == "LEFTMOUSE":
             return self._mouse(context, event, pressed)
-        if not pressed:
-            return {"PASS_THROUGH"}
+        return self._key(context, event) if pressed else {"PASS_THROUGH"}
+
+    def _key(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        kind = event.type
         if kind in ENDING:
             return self._end(context, keep=True)
         if kind == "ESC":

@@ -112,4 +112,6 @@ def errors_now(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.type
     if not pins:
         return []
     seen = now.intrinsics.project(now.pose.transform([pin.world for pin in pins]))
-    return [(pin.photo, tuple(at) if all(map(math.isfinite, at)) else None) for pin, at in zip(pins, seen.tolist(), strict=True)]
+    return [
+        (pin.photo, tuple(at) if all(map(math.isfinite, at)) else None) for pin, at in zip(pins, seen.tolist(), strict=True)
+    ]
