@@ -168,7 +168,7 @@ class PinSession(ClickSession):
         photo, camera = self._photo(context), self._camera(context)
         if photo is None or camera is None:
             return -1
-        here, reach = self._place(event), GRAB_PX * context.preferences.system.ui_scale
+        here, reach = self._place(event), GRAB_PX * (context.preferences.system.ui_scale or 1.0)
         away = [math.dist(photo.to_region(pin.photo), here) for pin in state.of(camera.data)]
         return away.index(min(away)) if away and min(away) <= reach else -1
 
