@@ -17,7 +17,8 @@ from ..photos.fit import fit_camera
 from ..photos.photo import Photo
 from ..pose.pins.lift import lifted_pins
 from ..pose.pins.pin import Pin, pin_to_dict, read_pins
-from ..pose.pins.place import FOCAL_PINS, LEAST, PinLens, PinOptions, PinReport, look_at_pins, place_by_pins
+from ..pose.pins.place import FOCAL_PINS, LEAST, PinLens, PinOptions, look_at_pins, place_by_pins
+from ..pose.pins.report import PinReport
 from ..pose.report_json import pose_to_dict
 from ..render.view import ViewRenderer
 from ..splats import GaussianScene

@@ -17,6 +17,8 @@ TRIALS, VOTERS = 600, 4000
 THICKNESS = 0.008
 # A floor has at least this share of the scan's weight in it, and most of the rest above it.
 LEAST_SHARE, LEAST_ABOVE = 0.04, 0.7
+# And so many times the weight of the slice just above it, for any slice through walls and things has some.
+DISTINCT = 2.0
 # Cameras that look in one direction alone tell their horizon, but not how far they are tilted: the second smallest eigenvalue
 # of their horizontal axes' mean square must be this large for their common perpendicular to be up.
 LEAST_TURN = 0.02
@@ -74,7 +76,8 @@ def find_floor(points: FloatArray, weights: FloatArray, hints: FloorHints, seed:
         return None
     heights = voters @ normals.T - (normals * starts).sum(axis=1)
     inside = (np.abs(heights) < THICKNESS * size).mean(axis=0)
-    good = (inside >= LEAST_SHARE) & ((heights > -THICKNESS * size).mean(axis=0) >= LEAST_ABOVE)
+    over = ((heights >= THICKNESS * size) & (heights < 3 * THICKNESS * size)).mean(axis=0)
+    good = (inside >= LEAST_SHARE) & (inside >= DISTINCT * over) & ((heights > -THICKNESS * size).mean(axis=0) >= LEAST_ABOVE)
     if len(hints.centres):
         good &= ((hints.centres @ normals.T - (normals * starts).sum(axis=1)) > 0).mean(axis=0) > 0.5
     if not good.any():

@@ -10,7 +10,7 @@ import bpy
 from ...core.errors import RefineError
 from ...core.geometry.camera import Camera
 from ...core.pose.pins.pin import Pin
-from ...core.pose.pins.place import PinReport
+from ...core.pose.pins.report import PinReport
 from ..camera import bridge as camera_bridge
 from ..clicks.session import ClickSession
 from ..clicks.surface import SeenView

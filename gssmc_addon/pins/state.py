@@ -12,7 +12,8 @@ from ...core.errors import CameraError, PhotoError, RefineError
 from ...core.geometry.camera import Camera
 from ...core.photos.photo import photo_facts
 from ...core.pose.pins.pin import Pin
-from ...core.pose.pins.place import LEAST, PinLens, PinOptions, PinReport, place_by_pins
+from ...core.pose.pins.place import LEAST, PinLens, PinOptions, place_by_pins
+from ...core.pose.pins.report import PinReport
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import solution as camera_solution

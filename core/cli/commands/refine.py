@@ -22,7 +22,7 @@ from ...photos.lens_guess import guess_lens
 from ...photos.mask import find_mask
 from ...photos.photo import Photo
 from ...pictures.stmap import read_stmap, through_map
-from ...pose.pins.place import PinReport
+from ...pose.pins.report import PinReport
 from ...pose.refine import iterate_refinement
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict

@@ -23,9 +23,9 @@ from . import sentences
 from .candidates import FOCAL_SCALES, rough_cameras
 from .fit import Near, PinProblem, fit_pins
 from .pin import OUTLIER, Pin, pin_std_px, pinned_points, worlds
+from .report import PinReport
 
 PinLens = Literal["auto", "fixed", "focal"]
-State = Literal["guided", "placed", "doubtful"]
 
 LEAST = 3
 # With fewer pins the focal length is not told, and an outlier not seen.
@@ -45,33 +45,6 @@ PRIOR_COUNT = 4.0
 UNKNOWN = 1e-8
 # Pins whose errors are so many times what a hand does contradict each other.
 CONTRADICTED = 4.0
-
-
-@dataclass(frozen=True, eq=False)
-class PinReport:
-    """The camera that the pins place. `state`: "guided" by fewer than three pins, "placed", or "doubtful", and `reasons` say
-    why, in whole sentences.
-
-    errors_px (N,): how far each pin lies off, pixels of the photo, infinite behind the camera; counts (N,): how much each
-    counts, 0..1 of its weight; median_depth: of the pins, scene units; covariance (15, 15) of xi, T <- exp(xi) T (scene units,
-    radians), and of the numbers `lens.NAMES`, solved for or not; translation_std_pct (per cent of the median depth),
-    rotation_std_deg and focal_std_pct: the deviations that follow from it, infinite where nothing bounds them.
-    """
-
-    camera: Camera
-    start: Camera
-    state: State
-    reasons: tuple[str, ...]
-    pins: tuple[Pin, ...]
-    errors_px: FloatArray
-    counts: FloatArray
-    median_depth: float
-    covariance: FloatArray
-    translation_std_pct: float
-    rotation_std_deg: float
-    focal_std_pct: float
-    solved_focal: bool
-    seconds: float
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +10,7 @@ from numpy.typing import NDArray
 from ...geometry.camera import FloatArray
 from ...support.words import counted
 from ..verdict.sentences import per_cent, pixels
-
-if TYPE_CHECKING:
-    from .place import PinReport
+from .report import PinReport
 
 NAMED = 3  # outliers that are named, the worst first
 
