@@ -27,7 +27,13 @@ class GSSMC_OT_set_scale(PointSession, Idle, PlainOperator, bpy.types.Operator):
     __annotations__ = {
         "points": FloatVectorProperty(name="Points", size=6, description="Two points, in the scene: x y z x y z"),
         "distance": FloatProperty(
-            name="Distance", default=1.0, min=0.0, subtype="DISTANCE", unit="LENGTH", description="How far apart they are"
+            name="Distance",
+            default=1.0,
+            min=0.0,
+            precision=4,
+            subtype="DISTANCE",
+            unit="LENGTH",
+            description="How far apart they are",
         ),
     }
 

@@ -17,8 +17,8 @@ from ..splat.object import BASE, COMPONENTS, read_attribute
 from ..support.texts import rpt_
 
 UP = Vector((0.0, 0.0, 1.0))
-# Three points whose triangle is flatter than this (height over its longest side) hold no plane.
-FLAT = 0.02
+# Three points whose triangle is flatter than this (height over its longest side) do not hold a plane well enough.
+FLAT = 0.1
 MOST_POINTS = 200_000
 # Gaussians that are larger than all but so many are the sky, or fog; they count no more than these.
 COVER_QUANTILE = 0.95
@@ -31,7 +31,7 @@ def onto_floor(splat: bpy.types.Object, points: Sequence[Vector], cameras: Seque
     a, b, c = points
     normal, longest = (b - a).cross(c - a), max((b - a).length, (c - a).length, (c - b).length)
     if normal.length < FLAT * longest**2 or longest == 0:
-        raise SplatFormatError(rpt_("The three points lie on one line; set them so that they span the floor."))
+        raise SplatFormatError(rpt_("The three points lie nearly on one line; set them so that they span the floor."))
     normal.normalize()
     above = sum((normal.dot(place - a) for place in cameras), 0.0) or normal.z
     return _to_ground((a + b + c) / 3, normal if above >= 0 else -normal)

@@ -67,6 +67,23 @@ def test_a_pin_goes_without_the_camera(bpy, solved):
     assert not bpy.ops.gssmc.remove_pin.poll()
 
 
+def test_refine_holds_pins_where_that_is_asked_for_and_a_pinned_camera_outlives_its_failure(bpy, solved, extension):
+    """The photo shows nothing of this scan, so that Refine fails: the camera of the pins stays one."""
+    for number in range(5):
+        pin(bpy, solved, number)
+    bpy.ops.gssmc.solve_pins()
+    jobs, settings = extension("gssmc_addon.refine.job"), extension("core.pose.settings").RefineSettings()
+    for hold, count in ((False, 0), (True, 5)):
+        solved.scene.gssmc.hold_pins = hold
+        job = jobs.prepare(solved.scene, solved.splat, solved.camera, settings)
+        assert len(job.inputs.pins) == count
+        job.close()
+    before = solved.camera.matrix_world.copy()
+    assert bpy.ops.gssmc.refine(locate=False, iterations=1, candidates=2) == {"CANCELLED"}
+    assert solved.camera.matrix_world == before
+    assert solved.camera.data.gssmc.verdict == "PINNED" and "photo shows only" in solved.camera.data.gssmc.reasons
+
+
 @pytest.mark.parametrize(("more", "said"), [({}, "photo_x"), ({"photo_x": 1, "photo_y": 2}, "point")])
 def test_half_a_pin_is_refused(bpy, solved, more, said):
     with pytest.raises(RuntimeError, match=said):
