@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ...geometry.camera import FloatArray, Pose, pose_error
-from ...geometry.lie import se3_log
+from ...geometry.lie import left_jacobian_inverse, so3_log
 from ..final.pinned import PinnedPoints
 from ..shared.least_squares import NormalEquations, levenberg_marquardt
 from ..shared.lens import CameraUnknowns, Free, LensPrior
@@ -41,7 +41,9 @@ class Near:
 
     def equations(self, pose: Pose) -> NormalEquations:
         """The normal equations (6, 6) of the wish by xi, T <- exp(xi) T; for small steps."""
-        off = se3_log(pose @ self.pose.inverse())
+        turn = pose.R @ self.pose.R.T
+        angles = so3_log(turn)
+        off = np.concatenate([left_jacobian_inverse(angles) @ (pose.t - turn @ self.pose.t), angles])
         information = self.strength * np.array([*[(HELD_RATIO * self.depth) ** -2] * 3, *[np.radians(HELD_DEG) ** -2] * 3])
         return NormalEquations(0.5 * float(information @ off**2), information * off, np.diag(information))
 
