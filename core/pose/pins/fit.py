@@ -19,7 +19,7 @@ CHOICE_RATIO, CHOICE_DEG = 1.0, 60.0
 # In directions that the pins do not hold, a camera moves no farther than it must, and rather turns. Three pins clicked to three
 # pixels came out half as far off in their worst tenth as without it (benchmarks/pins.py).
 HELD_RATIO, HELD_DEG = 0.12, 15.0
-REFITS = 3
+REFITS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +74,17 @@ class PinProblem:
 
 
 def fit_pins(start: CameraUnknowns, problem: PinProblem, near: Near) -> CameraUnknowns:
-    """The camera of least cost near `start`. Where it had to go far from what it should stay near, it is fitted again with
+    """The camera of least cost near `start`."""
+    return levenberg_marquardt(start, partial(problem.equations, near=near), lambda c, step: c.moved(step, problem.free))
+
+
+def settled(camera: CameraUnknowns, problem: PinProblem, near: Near) -> CameraUnknowns:
+    """The camera that was fitted with nearness to where it started. Where it had to go far from there, it is fitted again with
     nearness to the answer, for then the pins know better.
     """
-    camera, wish = start, near
     for _ in range(REFITS):
-        camera = levenberg_marquardt(camera, partial(problem.equations, near=wish), lambda c, step: c.moved(step, problem.free))
-        if not wish.is_left(camera.pose):
+        if not near.is_left(camera.pose):
             break
-        wish = replace(near, pose=camera.pose)
+        near = replace(near, pose=camera.pose)
+        camera = fit_pins(camera, problem, near)
     return camera

@@ -21,7 +21,7 @@ from ..final.solution import deviations
 from ..shared.lens import ALL, FOCAL, CameraUnknowns, Free, LensPrior
 from . import sentences
 from .candidates import FOCAL_SCALES, rough_cameras
-from .fit import Near, PinProblem, fit_pins
+from .fit import Near, PinProblem, fit_pins, settled
 from .pin import OUTLIER, Pin, pin_std_px, pinned_points, worlds
 from .report import PinReport
 
@@ -111,7 +111,8 @@ class _Placing:
         fits = [fit_pins(option, self.problem, self.near) for option in options]
         least = min(LEAST, len(self.pins))
         usable = [camera for camera in fits if np.isfinite(self.points.errors_px(camera)).sum() >= least]
-        return sorted(usable, key=self.merit)
+        best = sorted(usable, key=self.merit)
+        return [settled(best[0], self.problem, self.near), *best[1:]] if best else []
 
     def likely(self) -> list[CameraUnknowns]:
         """The likeliest of the cameras that three pins leave, each far from the others."""
