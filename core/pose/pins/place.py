@@ -193,7 +193,10 @@ def _other(placing: _Placing, found: Sequence[CameraUnknowns]) -> tuple[float, f
     """How far from the answer another camera stands that the pins may mean as well: scene units and degrees."""
     best = found[0]
     limit = placing.merit(best) + DECISIVE
-    for camera in found[1:]:
+    for candidate in found[1:]:
+        if placing.is_same(candidate, best) or placing.merit(candidate) >= limit:
+            continue
+        camera = settled(candidate, placing.problem, placing.near)  # It may have been on its way to the answer.
         if not placing.is_same(camera, best) and placing.merit(camera) < limit:
             return pose_error(camera.pose, best.pose)
     return None
