@@ -29,6 +29,10 @@ class RefineError(GssmcError):
     """A refinement cannot start or go on with what it was given."""
 
 
+class ProxyError(GssmcError):
+    """A proxy mesh cannot be made of a scan, or cannot be written."""
+
+
 class Cancelled(GssmcError):  # noqa: N818 - says what happened; it is no fault
     """The user stopped the work; nothing was changed."""
 

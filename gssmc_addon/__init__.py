@@ -14,13 +14,17 @@ from ..operators import (
     camera_from_view,
     cancel,
     clear_maps,
+    drag_wipe,
     export_cameras,
     export_splats,
     find_camera,
     import_cameras,
     import_splats,
+    look,
+    make_proxy,
     match_resolution,
     models,
+    pin_frame,
     place_by_pins,
     preview,
     refine,
@@ -39,6 +43,7 @@ from ..operators import (
     solve_pins,
     track_plate,
     undistort_photo,
+    undistort_plate,
     up_axis,
     weak_frame,
 )
@@ -50,9 +55,11 @@ from .photo import panel as photo_panel
 from .pins import marks
 from .pins import panel as pins_panel
 from .plate import panel as plate_panel
+from .plate.track import plot as frame_plot
 from .preview import flicker
 from .preview import panel as preview_panel
 from .preview import watch as preview_watch
+from .proxy import panel as proxy_panel
 from .refine import panel as panels
 from .registration import menus, preferences, properties
 from .viewport import handlers as viewport
@@ -74,6 +81,8 @@ _class_modules = (
     same_lens,
     set_mask,
     set_masks,
+    look,
+    drag_wipe,
     preview,
     import_cameras,
     export_cameras,
@@ -82,12 +91,14 @@ _class_modules = (
     back_to_solution,
     match_resolution,
     undistort_photo,
+    undistort_plate,
     up_axis,
     report_problem,
     reset_settings,
     add_plate,
     track_plate,
     refine_sequence,
+    pin_frame,
     weak_frame,
     add_pin,
     remove_pin,
@@ -95,12 +106,14 @@ _class_modules = (
     place_by_pins,
     set_floor,
     set_scale,
+    make_proxy,
     panels,
     pins_panel,
     photo_panel,
     preview_panel,
     plate_panel,
     floor_panel,
+    proxy_panel,
     menus,
 )
 _cli_commands: list[object] = []
@@ -112,6 +125,7 @@ def register() -> None:
         for cls in module.classes:
             bpy.utils.register_class(cls)
     menus.register()
+    frame_plot.register()
     preferences.register()
     slot.register()
     camera_frame.register()
@@ -131,6 +145,7 @@ def unregister() -> None:
     while _cli_commands:
         bpy.utils.unregister_cli_command(_cli_commands.pop())
     preferences.unregister()
+    frame_plot.unregister()
     menus.unregister()
     for module in reversed(_class_modules):
         for cls in reversed(module.classes):

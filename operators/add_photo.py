@@ -47,9 +47,13 @@ class AddsPicture(PlainOperator, FromFile):
         given = photo_camera.find_camera(context.scene, self.camera_file, photo, may_cut) if self.camera_file else None
         used, given = photo_camera.cut_photo(photo, given)
         image = load() if used is photo else photo_image.load_cut(self.filepath, used)
-        camera = photo_camera.choose_camera(context, self.camera, Path(self.filepath).name, used)
+        camera = photo_camera.choose_camera(context, self.camera, self.camera_name(), used)
         loaded = photo_camera.LoadedPhoto(used, image, given)
         return camera, loaded, photo_camera.fit_camera(context, camera, loaded, self.set_resolution)
+
+    def camera_name(self) -> str:
+        """What a new camera is called after; its suffix goes."""
+        return Path(self.filepath).name
 
 
 class GSSMC_OT_add_photo(AddsPicture, bpy.types.Operator):

@@ -32,6 +32,13 @@ class AddsPhotos(JobFromFile):
         ),
     }
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Files that were dropped on the viewport are known already; else the file browser asks for them."""
+        if self.files and self.directory:
+            self.asked = True
+            return self.execute(context)
+        return super().invoke(context, event)
+
     def _chosen(self) -> list[Path]:
         """The files that were chosen, in the order of the list."""
         raise NotImplementedError

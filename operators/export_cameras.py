@@ -1,4 +1,4 @@
-"""File > Export > Photo Cameras: COLMAP text model, nerfstudio's transforms.json, or camera JSON."""
+"""File > Export > Photo Cameras: COLMAP text model, nerfstudio's transforms.json, Nuke's .chan, or camera JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,11 @@ FORMATS = (
     ("JSON", "Camera JSON", "GS-SMC's own format, with the verdicts"),
     ("NERFSTUDIO", "transforms.json", "nerfstudio and instant-ngp: camera-to-world matrices"),
     ("COLMAP", "COLMAP Text", "A folder with cameras.txt, images.txt and points3D.txt"),
+    ("CHAN", "Nuke .chan", "The animated camera of one tracked plate, a line for each frame"),
 )
+
+
+SUFFIXES = {"JSON": ".json", "NERFSTUDIO": ".json", "COLMAP": "", "CHAN": ".chan"}
 
 
 class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
@@ -58,14 +62,14 @@ class GSSMC_OT_export_cameras(PlainOperator, bpy.types.Operator, ExportHelper):
         return True
 
     def check(self, context: bpy.types.Context) -> bool:
-        self.filename_ext = "" if self.format == "COLMAP" else ".json"
+        self.filename_ext = SUFFIXES[self.format]
         return super().check(context) if self.filename_ext else False
 
     def run(self, context: bpy.types.Context) -> set[str]:
         context.view_layer.update()
         path = Path(bpy.path.abspath(self.filepath))
-        if self.format == "COLMAP" and path.suffix == ".json":
-            path = path.with_suffix("")
+        if path.suffix in SUFFIXES.values() and path.suffix != SUFFIXES[self.format]:
+            path = path.with_suffix(SUFFIXES[self.format])
         check_export(path)
         outgoing = camera_exchange.collect(context.scene, self._objects(context))
         if self.axes == "TRAINING":

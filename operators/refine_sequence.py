@@ -6,18 +6,18 @@ from typing import Any
 
 import bpy
 
-from ..core.errors import GssmcError
 from ..gssmc_addon.camera import channels as camera_channels
 from ..gssmc_addon.jobs.operator import AskingJobOperator
 from ..gssmc_addon.plate import options as plate_options
 from ..gssmc_addon.plate import result as plate_result
 from ..gssmc_addon.plate.job import SequenceJob
+from ..gssmc_addon.plate.options import AsksForRange
 from ..gssmc_addon.registration import settings as settings_props
 from ..gssmc_addon.splat import object as splat_object
 from ..gssmc_addon.support import problem
 
 
-class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
+class GSSMC_OT_refine_sequence(AsksForRange, AskingJobOperator, bpy.types.Operator):
     """Find the camera of a movie or image sequence every few frames, each from its neighbour's answer"""
 
     bl_idname = "gssmc.refine_sequence"
@@ -29,25 +29,6 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         **settings_props.settings_annotations(),
         **settings_props.model_annotations(),
     }
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        lack = plate_options.lack(context.scene)
-        if lack:
-            cls.poll_message_set(lack)
-            return False
-        return super().poll(context)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        try:
-            self.asked, (low, high) = True, plate_options.shared_range(context.scene)
-        except GssmcError as error:
-            return self.refuse(context, str(error))
-        if not self.properties.is_property_set("start"):
-            self.start = low
-        if not self.properties.is_property_set("end"):
-            self.end = high
-        return context.window_manager.invoke_props_dialog(self, confirm_text="Refine Plate")
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.use_property_split = True
@@ -64,7 +45,7 @@ class GSSMC_OT_refine_sequence(AskingJobOperator, bpy.types.Operator):
         splat_object.picked(scene, scene.gssmc.splat)
         options = plate_options.options_of(self, scene)
         camera_channels.check_writable(scene.camera)
-        settings = settings_props.settings_from(scene.gssmc, self.properties, **({} if self.key_lens else {"lens": "fixed"}))
+        settings = settings_props.settings_from(scene.gssmc, self.properties)
         job = SequenceJob(scene, scene.camera, options, settings)
         problem.begin(self.bl_label, job.reports)
         return job

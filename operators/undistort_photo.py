@@ -8,6 +8,7 @@ from ..core.errors import CameraError
 from ..core.photos.undistort import undistorted
 from ..gssmc_addon.camera import bridge as camera_bridge
 from ..gssmc_addon.photo import image as photo_image
+from ..gssmc_addon.plate import source as plate_source
 from ..gssmc_addon.support.operator_parts import OfPhoto
 from ..gssmc_addon.support.texts import rpt_
 
@@ -28,6 +29,8 @@ class GSSMC_OT_undistort_photo(OfPhoto, bpy.types.Operator):
         data, image = camera.data, photo_image.camera_photo(camera)
         if image is None:
             raise CameraError(rpt_('The camera "{name}" has no photo; use Add Photo in the GS-SMC panel.', name=camera.name))
+        if image.source in plate_source.MOVING:
+            raise CameraError(rpt_('"{photo}" moves; use Undistort Plate, which writes all of its frames.', photo=image.name))
         photo = photo_image.photo_source(image).read()
         lens = camera_bridge.photo_intrinsics(scene, data, photo.width, photo.height)
         if not lens.has_distortion:

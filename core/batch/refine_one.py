@@ -77,13 +77,16 @@ def refine_starts(
     on_progress: Callable[[RefineProgress], None] | None = None,
 ) -> RefineReport:
     """Refines from one start after the other until one does not fail; a start's sentence becomes the last reason of its report.
-    Where all fail, the first one's report. Raises the GssmcError of whatever cannot be used.
+    Where all fail, the first one's report. Its seconds are those of all that was tried. Raises the GssmcError of whatever
+    cannot be used.
     """
-    first: RefineReport | None = None
+    first, seconds = None, 0.0
     for start, sentence in starts:
         report = refine_photo(renderer, photo, start, settings, on_progress)
+        seconds += report.seconds
         if report.verdict != "failed":
+            report = replace(report, seconds=seconds)
             return replace(report, reasons=(*report.reasons, sentence)) if sentence else report
         first = first or report
     assert first is not None, "there is no start"
-    return first
+    return replace(first, seconds=seconds)

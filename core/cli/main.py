@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from ..errors import GssmcError
-from .commands import batch, convert, demo, evaluate, features, locate, pins, refine, render, stmap, track
+from .commands import batch, convert, demo, evaluate, features, locate, pins, proxy, refine, render, stmap, track
 from .commands import map as make_map
 from .console import message
 from .flags import OneLineParser
@@ -28,10 +28,11 @@ COMMANDS = {
     "convert": convert,
     "stmap": stmap,
     "track": track,
+    "proxy": proxy,
     "features": features,
 }
 WITHOUT_SCENE = frozenset(
-    {"evaluate", "convert", "stmap", "features", "map", "pins", "track"}
+    {"evaluate", "convert", "stmap", "features", "map", "pins", "track", "proxy"}
 )  # a caller that saves scenes has nothing to add to them
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from ..batch.refine_one import refine_photo
 from ..cameras.training_world import Axes
 from ..cameras.unplaced import Unplaced
-from ..errors import RefineError, UsageError
-from ..geometry.camera import Camera, Pose
+from ..errors import PhotoError, RefineError, UsageError
+from ..geometry.camera import Camera
 from ..photos.mask import find_mask, masked
 from ..photos.photo import Photo
 from ..photos.plate import Plate
@@ -46,8 +46,9 @@ class PlateFrames:
 
 @dataclass(frozen=True)
 class ShotWork:
-    """What every step needs. `flags` None: no frame is searched for in the scan's map; `axes`: those of starts; `doubts`:
-    why starts are not trusted."""
+    """What every step needs. `flags` None: no frame is searched for in the scan's map; `axes`: those of starts; `zooms`:
+    the focal length may change; `doubts`: why starts are not trusted.
+    """
 
     scene: GaussianScene
     renderer: ProcessRenderer
@@ -55,6 +56,7 @@ class ShotWork:
     frames: PlateFrames
     flags: MapFlags | None
     axes: Axes = "auto"
+    zooms: bool = False
     doubts: list[str] = field(default_factory=list)
 
     def starts(self, frames: Sequence[int], files: Mapping[int, Path]) -> dict[int, Camera]:
@@ -68,7 +70,7 @@ class ShotWork:
             frame = frames[round(share * (len(frames) - 1))]
             try:
                 return {frame: self._placed(frame, None)}
-            except RefineError as error:
+            except (RefineError, PhotoError) as error:
                 reason = str(error)
         raise RefineError(f"No frame was found in the scan; give a start with --start. {reason}")
 
@@ -87,12 +89,14 @@ class ShotWork:
         guessed = self.settings.lens == "full" or (self.settings.lens != "fixed" and placed.report.start.focal_guessed)
         return replace(placed.report.camera, focal_guessed=guessed)
 
-    def recover(self, camera: Camera, photo: Photo, last: Pose) -> Pose | None:
-        """A frame behind a gap, from the last known camera, else from anywhere in the scan."""
-        known = replace(camera, pose=last, focal_guessed=False, file=photo.file)
-        fixed = replace(self.settings, lens="auto")
+    def recover(self, photo: Photo, last: Camera) -> Camera | None:
+        """A frame behind a gap, from the last known camera, else from anywhere in the scan. Where the lens zooms, its focal
+        length may have changed meanwhile.
+        """
+        known = replace(last, focal_guessed=self.zooms, file=photo.file)
+        fixed = replace(self.settings, lens="focal" if self.zooms else "auto")
         report = refine_photo(self.renderer, photo, known, fixed)
         if report.verdict != "failed" or self.flags is None:
-            return None if report.verdict == "failed" else report.camera.pose
+            return None if report.verdict == "failed" else report.camera
         placed = Placing(self.renderer, self.scene, fixed, self.flags).place(photo, Unplaced.of(known))
-        return None if placed.report is None or placed.record["verdict"] == "failed" else placed.report.camera.pose
+        return None if placed.report is None or placed.record["verdict"] == "failed" else placed.report.camera

@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 from ..errors import PhotoError
 from ..geometry.camera import Intrinsics
 from . import jpeg
+from .containers.exr_header import pixel_aspect
 from .containers.find import find_picture
+from .containers.light import expose
+from .containers.openexr import read_light
 from .decode import decode
 from .exif import Exif, read_exif
 from .sensors import focal_35mm_of
+from .size import EXR_SIGNATURE
 
 ROTATION_WORDS = {
     2: "mirrored left to right",
@@ -63,7 +67,8 @@ class Photo:
 
 
 def read_photo(path: str | Path) -> Photo:
-    """The photo in a JPEG, PNG, TIFF or WebP file: 8 or 16 bit, grey or colour, with or without alpha.
+    """The photo in a JPEG, PNG, TIFF or WebP file: 8 or 16 bit, grey or colour, with or without alpha; or in an OpenEXR file of
+    scan lines, whose light is exposed (`containers/light.py`).
 
     More than MAX_PIXELS are reduced by 2, 4 or 8 while they are read. Raises PhotoError when the file is missing, cut off, no
     picture that can be decoded, or too large to be one.
@@ -74,6 +79,9 @@ def read_photo(path: str | Path) -> Photo:
 
 
 def _decoded(path: Path, data: bytes, exif: Exif) -> Photo:
+    if data.startswith(EXR_SIGNATURE):
+        shown = expose(read_light(data, path.name), pixel_aspect(data))
+        return Photo(shown.pixels, str(path), None, shown.mask, shown.notes, shown.full_size, pixel_aspect=shown.pixel_aspect)
     picture = find_picture(data, exif, path.name)
     decoded = decode(picture, path.name)
     raw, notes = decoded.raw, []
@@ -113,8 +121,8 @@ def photo_facts(path: str | Path) -> PhotoFacts:
     path = Path(path)
     data = _read_bytes(path)
     exif = read_exif(data)
-    picture = find_picture(data, exif, path.name)
-    if picture.size is None:
+    picture = None if data.startswith(EXR_SIGNATURE) else find_picture(data, exif, path.name)
+    if picture is None or picture.size is None:
         photo = _decoded(path, data, exif)
         return PhotoFacts(photo.width, photo.height, photo.focal_35mm, photo.orientation)
     width, height = picture.size[::-1] if picture.orientation >= 5 else picture.size

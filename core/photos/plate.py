@@ -12,11 +12,10 @@ import numpy as np
 
 from ..errors import PhotoError
 from ..support.quiet import quiet_opencv
+from .containers.exr_header import LARGEST, SMALLEST
 from .photo import Photo, read_photo
 
 DIGITS = re.compile(r"(\d+)(?=\D*$)")  # the last number of a file's name
-
-
 # What OpenCV's FFmpeg opens, and decodes with the help of some graphics cards alone.
 UNDECODED = {"av01": "AV1"}
 
@@ -67,6 +66,19 @@ def open_plate(path: str | Path) -> tuple[Plate, int, int]:
     return plate, first, last
 
 
+def _pixel_aspect(movie: cv2.VideoCapture) -> float:
+    """How wide a pixel is shown, in its heights."""
+    across, down = movie.get(cv2.CAP_PROP_SAR_NUM), movie.get(cv2.CAP_PROP_SAR_DEN)
+    ratio = across / down if across > 0 and down > 0 else 1.0
+    return ratio if SMALLEST <= ratio <= LARGEST else 1.0
+
+
+def number_of(file: str) -> int | None:
+    """The frame's number in the name of a sequence's file; None where it has none."""
+    found = DIGITS.search(Path(file).stem)
+    return int(found.group()) if found else None
+
+
 def behind_gaps(plate: Plate, first: int, last: int) -> list[int]:
     """The numbers of a sequence's files before `first` or behind `last`, from which a missing file parts them."""
     found = DIGITS.search(plate.path.stem)
@@ -107,6 +119,7 @@ def _read_movie(path: Path, number: int) -> Photo:
         if number < 1 or not movie.set(cv2.CAP_PROP_POS_FRAMES, number - 1):
             raise PhotoError(f"The movie '{path.name}' has no frame {number}.")
         count, coded = int(movie.get(cv2.CAP_PROP_FRAME_COUNT)), _codec(movie)
+        aspect = _pixel_aspect(movie)
         with quiet_opencv():
             ok, frame = movie.read()
     finally:
@@ -119,4 +132,4 @@ def _read_movie(path: Path, number: int) -> Photo:
                 "to an image sequence."
             )
         raise PhotoError(f"The movie '{path.name}' has no frame {number}.")
-    return Photo(np.ascontiguousarray(pixels[..., 2::-1]), str(path))
+    return Photo(np.ascontiguousarray(pixels[..., 2::-1]), str(path), pixel_aspect=aspect)

@@ -19,8 +19,8 @@ from ..geometry.camera import FloatArray, Intrinsics
 from ..geometry.conventions import pixel_centres, to_opencv_pixels
 from ..geometry.pinhole_cut import central_cut
 from ..geometry.wide_lens import WideLens
+from ..photos.containers.openexr import read_exr, write_exr
 from ..photos.photo import Photo
-from .exr import read_exr, write_exr
 
 Map = NDArray[np.float32]  # (H, W, 2): s and t
 # A place outside of every picture.

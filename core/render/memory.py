@@ -29,6 +29,8 @@ COPIES = 3
 MAP_BYTES = 300
 # Taken by each view of a map: descriptors and places of its landmarks.
 MAP_VIEW_BYTES = 200_000
+# Taken by each pixel of a view of a proxy, all of which are kept, and by each triangle of its budget.
+PROXY_PIXEL_BYTES, PROXY_FACE_BYTES = 60, 6000
 # Taken by each pixel of a photo while it is decoded and reduced.
 PIXEL_BYTES = 60
 
@@ -59,6 +61,16 @@ def find_bytes(gaussians: int, sh_coefficients: int, threads: int, views: int) -
     """
     scene = 4 * (FLOATS_WITHOUT_SH + 3 * sh_coefficients) * gaussians
     return refine_bytes(gaussians, sh_coefficients, 0, threads) + scene + MAP_BYTES * gaussians + MAP_VIEW_BYTES * views
+
+
+def proxy_bytes(gaussians: int, sh_coefficients: int, faces: int, view_pixels: int) -> int:
+    """What a proxy of `faces` triangles takes at its peak, from views of `view_pixels` together: the scan, the tables of its
+    colours and of its planes, one view being drawn, and the grid or the mesh before it is decimated, whichever is larger.
+    """
+    tables = 4 * (2 * FLOATS_WITHOUT_SH + 3 * sh_coefficients) * gaussians
+    scene = 4 * (FLOATS_WITHOUT_SH + 3 * sh_coefficients) * gaussians
+    views = PROXY_PIXEL_BYTES * view_pixels + RENDER_BYTES * gaussians
+    return BASE_BYTES + COPIES * scene + 2 * tables + views + PROXY_FACE_BYTES * faces
 
 
 def import_bytes(file: Path) -> int:

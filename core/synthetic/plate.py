@@ -6,7 +6,7 @@ rolling shutter; the truth of a frame is the camera at the middle of both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -25,12 +25,20 @@ WAVES_HZ = (0.7, 1.3, 2.9, 5.3, 7.7)
 SHARES = (1.0, 0.8, 0.5, 0.3, 0.2)
 SHAKE_UNITS, SHAKE_DEG = 0.003 * DEPTH, 0.15
 BLUR_SAMPLES = 3
+# Behind a cut the camera stands by so much elsewhere, and looks at a place by so much from the one before (scene units).
+ELSEWHERE, LOOKS_ELSEWHERE = np.array([0.6, 0.05, -0.1]), np.array([1.5, 0.0, -0.4])
+# A lens that zooms stands for this share of the shot before and after.
+STANDS = 0.2
+# A card that hides the picture slides in and out in so many frames.
+SLIDES = 4
 
 
 @dataclass(frozen=True)
 class HandHeld:
     """`count` frames, numbered from `first`. shutter: how long it is open, readout: how long reading a frame out takes, both as
-    shares of the time from frame to frame; walker: somebody walks through in front of the lens; seed: of the shake.
+    shares of the time from frame to frame; walker: somebody walks through in front of the lens; seed: of the shake; zoom: the
+    focal length at the end over that of `lens`, which it begins with; covered: frames that a card right in front of the lens
+    hides; cut: the frame from which on another camera place is seen, None where there is none.
     """
 
     count: int = 120
@@ -40,6 +48,9 @@ class HandHeld:
     readout: float = 0.0
     walker: bool = False
     seed: int = 0
+    zoom: float = 1.0
+    covered: range = range(0)
+    cut: int | None = None
 
     @property
     def frames(self) -> range:
@@ -51,11 +62,20 @@ class HandHeld:
         along = np.array([0.55 * np.sin(1.6 * t - 0.8), -0.12 + 0.06 * np.cos(3 * t), 0.1 + 0.3 * t])
         target = np.array([0.35 * np.sin(1.2 * t - 0.4), 0.22, 3.4])
         move, turn = self._shake(frame)
+        if self.cut is not None and round(frame) >= self.cut:
+            along, target = along + ELSEWHERE, target + LOOKS_ELSEWHERE
         looking = look_at(along, target).R
         return Pose.from_centre(so3_exp(turn) @ looking, along + move)
 
+    def lens_at(self, frame: float) -> Intrinsics:
+        """The lens at any time: where it zooms, it stands at first, starts and stops smoothly, and stands at the end."""
+        share = (frame - self.first) / max(self.count - 1, 1)
+        share = float(np.clip((share - STANDS) / (1 - 2 * STANDS), 0, 1))
+        grow = self.zoom ** (share * share * (3 - 2 * share))
+        return replace(self.lens, fx=self.lens.fx * grow, fy=self.lens.fy * grow)
+
     def camera(self, frame: int) -> Camera:
-        return Camera(self.lens, self.pose(frame), f"plate.{frame:04d}.png")
+        return Camera(self.lens_at(frame), self.pose(frame), f"plate.{frame:04d}.png")
 
     def photo(self, renderer: ViewRenderer, frame: int) -> Photo:
         """The frame as a camera takes it: moved while it was lit, read out by rows, exposed, noisy, 8 bits."""
@@ -64,6 +84,8 @@ class HandHeld:
         color = light[0] if len(light) == 1 else _by_rows(light)
         if self.walker:
             color = self._walked(color, frame)
+        if self.covered:
+            color = self._behind_card(color, frame)
         exposed = cv2.GaussianBlur((GAIN * color**GAMMA).astype(np.float32), (0, 0), BLUR_PX)
         grain = np.random.default_rng([self.seed, frame]).normal(0, NOISE, exposed.shape)
         return Photo(np.clip((exposed + grain) * 255 + 0.5, 0, 255).astype(np.uint8), f"plate.{frame:04d}.png")
@@ -71,7 +93,7 @@ class HandHeld:
     def _lit(self, renderer: ViewRenderer, at: float) -> NDArray[np.float32]:
         """What falls on the sensor while the shutter is open around a time."""
         times = at + self.shutter * (np.arange(BLUR_SAMPLES) - (BLUR_SAMPLES - 1) / 2) / BLUR_SAMPLES
-        drawn = [render_through_lens(renderer, Camera(self.lens, self.pose(float(t)), "")) for t in times]
+        drawn = [render_through_lens(renderer, Camera(self.lens_at(float(t)), self.pose(float(t)), "")) for t in times]
         return np.asarray(np.clip(np.mean(drawn, axis=0), 0, 1), np.float32)
 
     def _shake(self, frame: float) -> tuple[FloatArray, FloatArray]:
@@ -97,6 +119,17 @@ class HandHeld:
         if a < b:
             pattern[:, a:b] = cv2.resize(cloth, (w, h), interpolation=cv2.INTER_NEAREST)[:, a - left : b - left]
         return np.where(shape[..., None] > 0, pattern, color)
+
+    def _behind_card(self, color: NDArray[np.float32], frame: int) -> NDArray[np.float32]:
+        """With a patterned card that slides in from the left until it hides all, moves a little, and slides out again."""
+        away = max(self.covered.start - frame, frame - self.covered.stop + 1, 0)
+        width = int(color.shape[1] * max(1 - away / SLIDES, 0))
+        if width == 0:
+            return color
+        pattern = np.random.default_rng(self.seed).uniform(0.05, 0.5, (18, 24, 3)).astype(np.float32)
+        card = cv2.resize(pattern, color.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+        card = np.roll(card, 3 * (frame - self.covered.start), axis=1)
+        return np.concatenate([card[:, -width:], color[:, width:]], axis=1)
 
 
 def _slices(readout: float) -> int:

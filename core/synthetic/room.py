@@ -30,6 +30,7 @@ BOXES = {  # low and high corner of everything that stands in the room
     "pot": ((-1.5, 0.9, 3.2), (-1.1, FLOOR, 3.6)),
 }
 BALLS = (((-0.05, 0.55, 2.9), 0.2), ((0.75, 1.1, 2.0), 0.19))
+BUSH = ((-1.3, 0.55, 3.4), 0.42)
 
 
 def make_scene(seed: int = 0, gaussians: int = FULL_COUNT) -> GaussianScene:
@@ -37,8 +38,13 @@ def make_scene(seed: int = 0, gaussians: int = FULL_COUNT) -> GaussianScene:
     rng = np.random.default_rng(seed)
     share = gaussians / FULL_COUNT
     loose = _round_things(rng, share)
-    flat = tessellate(_shell(rng) + _furniture(rng), gaussians - sum(map(len, loose)), EYE)
+    flat = tessellate(panels(rng), gaussians - sum(map(len, loose)), EYE)
     return _to_scene(rng, joined([flat, *loose]))
+
+
+def panels(rng: tx.Rng) -> list[Panel]:
+    """Everything in the room that is flat; where it is does not depend on `rng`, which paints it."""
+    return _shell(rng) + _furniture(rng)
 
 
 def _shell(rng: tx.Rng) -> list[Panel]:
@@ -78,7 +84,7 @@ def _round_things(rng: tx.Rng, share: float) -> list[Surfels]:
     spacing = BALL_SPACING / np.sqrt(share)
     pictures = (tx.rug(rng, 260, 360), tx.bricks(rng, 120, 200, 16))
     balls = [ball(picture, centre, radius, spacing) for picture, (centre, radius) in zip(pictures, BALLS, strict=True)]
-    return [*balls, leaves(rng, (-1.3, 0.55, 3.4), 0.42, round(LEAVES * share))]
+    return [*balls, leaves(rng, *BUSH, round(LEAVES * share))]
 
 
 def _to_scene(rng: tx.Rng, made: Surfels) -> GaussianScene:

@@ -21,11 +21,12 @@ from ..pose.final.joint import JointFit, JointProblem, fit_joint
 from ..pose.final.reprojection import reproject
 from ..pose.search.observe import grey_of
 from ..pose.shared.corners import filled_cells
-from ..pose.shared.lens import CameraUnknowns, LensPrior
-from ..pose.shared.matches import ViewMatches, world_points
+from ..pose.shared.lens import FOCAL, CameraUnknowns, LensPrior
+from ..pose.shared.matches import ViewMatches, bearings, world_points
 from ..pose.shared.surface import depth_at, solid_part
 from ..pose.shared.working import WorkingPhoto
 from ..render.view import ViewRenderer, sole_renderer
+from .focal import FocalChange, grown
 
 # Fewer corners on the splat do not hold a camera (at a wrong pose up to eight of 1500 find a place by chance); fewer than GOOD,
 # or on fewer of the CELLS x CELLS cells, hold it loosely.
@@ -46,13 +47,27 @@ class SolvedFrame:
     """A frame tied to the splat: its picture, the fit, the matches that hold it, and the median depth there (scene units)."""
 
     photo: WorkingPhoto
-    fit: JointFit
     matches: ViewMatches
+    fit: JointFit
     median_depth: float
 
     @property
     def pose(self) -> Pose:
         return self.fit.camera.pose
+
+    @property
+    def lens(self) -> Intrinsics:
+        """Of the picture that is matched."""
+        return self.fit.camera.intrinsics
+
+    @classmethod
+    def of(cls, photo: WorkingPhoto, fit: JointFit, matches: ViewMatches, median_depth: float) -> SolvedFrame:
+        """With the picture and the matches as the fitted lens has them."""
+        return cls(*_seen_by(fit.camera.intrinsics, photo, matches), median_depth=median_depth, fit=fit)
+
+    def placed(self, camera: CameraUnknowns) -> SolvedFrame:
+        """The frame as `camera` has it."""
+        return SolvedFrame.of(self.photo, replace(self.fit, camera=camera), self.matches, self.median_depth)
 
     @property
     def cells(self) -> int:
@@ -70,71 +85,120 @@ class Carried:
 
 @dataclass(frozen=True)
 class FrameMatcher:
-    """Solves frames with one lens. `lens`: of the photos at their full size; `prior`: what is known of it."""
+    """Solves frames with one lens, or with one that zooms. `lens`: the shot's, of the photos at their full size; `prior`: what
+    is known of it; `change`: how its focal length may change, None where it does not; `grow`: the logarithm of the focal
+    length that is expected over that of `lens`.
+    """
 
     renderer: ViewRenderer
     lens: Intrinsics
     prior: LensPrior
     long_side_px: int
+    change: FocalChange | None = None
+    grow: float = 0.0
+
+    def at(self, grow: float) -> FrameMatcher:
+        """The matcher where another focal length is expected; itself where the lens does not zoom."""
+        return self if self.change is None else replace(self, grow=grow)
+
+    def grow_of(self, lens: Intrinsics) -> float:
+        """How much longer the focal length of `lens` is than the shot's, of which `lens` may be a scaled picture."""
+        return 0.0 if self.change is None else float(np.log(lens.fx / lens.width * self.lens.width / self.lens.fx))
+
+    @property
+    def working_lens(self) -> Intrinsics:
+        """The lens that is expected, of the picture that is matched."""
+        return grown(self.lens, self.grow).with_long_side(self.long_side_px)
 
     def working(self, photo: Photo) -> WorkingPhoto:
         """The frame as it is matched. Raises PhotoError where it is not of the size of the others."""
         if (photo.width, photo.height) != (self.lens.width, self.lens.height):
             size = f"{self.lens.width} x {self.lens.height}"
             raise PhotoError(f"The frame has {photo.width} x {photo.height} pixels and the others {size}; give them one size.")
-        return WorkingPhoto.of(photo, self.lens, self.long_side_px)
+        return WorkingPhoto.of(photo, grown(self.lens, self.grow), self.long_side_px)
 
     def link(self, before: SolvedFrame, photo: WorkingPhoto, guess: Pose) -> Carried | None:
-        """The pose of `photo` by the corners of the neighbour `before`, followed from where `guess` expects them; None where
+        """The camera of `photo` by the corners of the neighbour `before`, followed from where `guess` expects them; None where
         too few can be followed, which is so after a cut.
         """
         matches = _carried(before, photo, guess)
         if len(matches) < max(MIN_LINKS, MIN_LINK_SHARE * len(before.matches)):
             return None
-        return Carried(self._fit(guess, [matches], photo), matches)
+        return Carried(self._fit(CameraUnknowns(guess, photo.intrinsics), [matches], photo), matches)
 
-    def solve(self, photo: WorkingPhoto, guess: Pose, carried: Carried | None = None) -> SolvedFrame | None:
+    def solve(self, photo: WorkingPhoto, guess: CameraUnknowns, carried: Carried | None = None) -> SolvedFrame | None:
         """The frame tied to the splat; None where too little holds it. The `guess` may be off by as much as corners can be
         followed over coarse pictures, some ten pixels or more: a camera that is led by its neighbours alone would go astray,
         and find matches near to where it is led.
         """
         for _ in range(MAX_RENDERS):
-            view = sole_renderer(self.renderer).render(photo.pinhole, guess)
-            corners = pick_corners(photo, guess, view)
-            coarse = _drawn_to(photo, PosedRender(view, guess, reference=True), corners)
+            if carried is not None:
+                carried = replace(carried, matches=_seen_by(guess.intrinsics, photo, carried.matches)[1])
+            photo = _under(photo, guess.intrinsics)
+            view = sole_renderer(self.renderer).render(photo.pinhole, guess.pose)
+            corners = pick_corners(photo, guess.pose, view)
+            coarse = _drawn_to(photo, PosedRender(view, guess.pose, reference=True), corners)
             if len(coarse) < MIN_MATCHES:
                 return None
-            pose = self._held(guess, coarse, carried, photo).camera.pose
-            if _moved_px(photo, coarse, guess, pose) < AGAIN_PX:
+            camera = self._held(guess, coarse, carried, photo).camera
+            if _moved_px(coarse, guess, camera) < AGAIN_PX:
                 break
-            guess = pose
-        matches = match_corners(PosedRender(view, guess, reference=True), photo, guess, corners)
+            guess = camera
+        matches = match_corners(PosedRender(view, guess.pose, reference=True), photo, guess.pose, corners)
         if len(matches) < MIN_MATCHES:
             return None
-        fit, depth = self._held(pose, matches, carried, photo), float(np.median(view.depth[solid_part(view)]))
-        solved = SolvedFrame(photo, fit, matches, depth)
+        fit, depth = self._held(camera, matches, carried, photo), float(np.median(view.depth[solid_part(view)]))
+        solved = SolvedFrame.of(photo, fit, matches, depth)
         return solved if solved.cells >= MIN_CELLS else None
 
-    def _held(self, guess: Pose, matches: ViewMatches, carried: Carried | None, photo: WorkingPhoto) -> JointFit:
+    def shift_px(self, photo: WorkingPhoto, pose: Pose) -> float | None:
+        """How far the photo's corners lie from where the splat, rendered at `pose`, shows them: the median, pixels of `photo`.
+        None where too few are found again, as deep in motion blur, or far from the true pose.
+        """
+        view = sole_renderer(self.renderer).render(photo.pinhole, pose)
+        corners = pick_corners(photo, pose, view)
+        found, k = _drawn_to(photo, PosedRender(view, pose, reference=True), corners), photo.pinhole
+        if len(found) < MIN_MATCHES:
+            return None
+        return float(np.median(np.linalg.norm(k.to_pixels(found.query) - k.to_pixels(found.view), axis=1)))
+
+    def _held(self, guess: CameraUnknowns, matches: ViewMatches, carried: Carried | None, photo: WorkingPhoto) -> JointFit:
         """The fit of the matches with the splat, held by the corners carried over from the neighbour, where there are any; its
         problem is that of the splat alone.
         """
         alone = self._fit(guess, [matches], photo)
         if carried is None:
             return alone
-        both = JointProblem.of([matches, carried.matches], photo.intrinsics, alone.problem.prior)
+        start, free = CameraUnknowns(carried.fit.camera.pose, guess.intrinsics), alone.problem.free
+        both = JointProblem.of([matches, carried.matches], photo.intrinsics, alone.problem.prior, free)
         sigma = both.deviations_px(reproject(alone.camera, both.matches).across)
         count = len(alone.problem.weights)
         link = carried.fit.problem.deviations_px(reproject(carried.fit.camera, carried.fit.problem.matches).across)
         weights = both.weights.copy()
         weights[count:] *= HOLD * (link[0] / sigma[0]) ** 2
-        fit = fit_joint(CameraUnknowns(carried.fit.camera.pose, photo.intrinsics), replace(both, weights=weights), "joint")
+        fit = fit_joint(start, replace(both, weights=weights), "joint")
         return replace(fit, problem=alone.problem)
 
-    def _fit(self, guess: Pose, views: list[ViewMatches], photo: WorkingPhoto) -> JointFit:
-        k = photo.intrinsics
+    def _fit(self, guess: CameraUnknowns, views: list[ViewMatches], photo: WorkingPhoto) -> JointFit:
+        k, free = photo.intrinsics, FOCAL if self.change else ()
         prior = self.prior.resized(k.width, k.height)
-        return fit_joint(CameraUnknowns(guess, k), JointProblem.of(views, k, prior), "joint")
+        if self.change is not None:
+            std = prior.std.copy()
+            std[0] = self.change.step_std
+            prior = replace(prior, lens=self.working_lens, std=std)
+        return fit_joint(guess, JointProblem.of(views, k, prior, free), "joint")
+
+
+def _under(photo: WorkingPhoto, lens: Intrinsics) -> WorkingPhoto:
+    return photo if lens == photo.intrinsics else photo.with_intrinsics(lens)
+
+
+def _seen_by(lens: Intrinsics, photo: WorkingPhoto, matches: ViewMatches) -> tuple[WorkingPhoto, ViewMatches]:
+    """The picture, and the matches found in it, as another lens has them."""
+    if lens == photo.intrinsics:
+        return photo, matches
+    pixels = photo.intrinsics.project(bearings(matches.query))
+    return _under(photo, lens), replace(matches, query=lens.normalise(pixels))
 
 
 def _carried(before: SolvedFrame, photo: WorkingPhoto, guess: Pose) -> ViewMatches:
@@ -142,7 +206,7 @@ def _carried(before: SolvedFrame, photo: WorkingPhoto, guess: Pose) -> ViewMatch
     k, known = photo.pinhole, before.matches
     depth = before.pose.transform(world_points(known))[:, 2]
     places = ViewMatches(before.pose, known.query, known.query, depth, known.depth_std, reference=True)
-    start = k.to_pixels(known.query)
+    start = before.photo.pinhole.to_pixels(known.query)
     with np.errstate(divide="ignore", invalid="ignore"):
         first = k.project(guess.transform(world_points(places)))
     first = np.where(np.isfinite(first), first, start)
@@ -161,11 +225,11 @@ def _drawn_to(photo: WorkingPhoto, render: PosedRender, corners: Corners) -> Vie
     return matches.take(good & np.isfinite(depth) & (depth > 0))
 
 
-def _moved_px(photo: WorkingPhoto, matches: ViewMatches, before: Pose, after: Pose) -> float:
-    """How far the matches' points move in the picture between two poses: the median, pixels."""
-    k, points = photo.pinhole, world_points(matches)
-    moved = k.project(after.transform(points)) - k.project(before.transform(points))
-    return float(np.nanmedian(np.linalg.norm(moved, axis=1)))
+def _moved_px(matches: ViewMatches, before: CameraUnknowns, after: CameraUnknowns) -> float:
+    """How far the matches' points move in the picture between two cameras: the median, pixels."""
+    points = world_points(matches)
+    places = [c.intrinsics.pinhole().project(c.pose.transform(points)) for c in (before, after)]
+    return float(np.nanmedian(np.linalg.norm(places[1] - places[0], axis=1)))
 
 
 # Reads one frame of a plate by its number.

@@ -16,10 +16,10 @@ from ..geometry.camera import Pose
 from ..pose.shared.least_squares import NormalEquations
 from ..support.atomic import atomic_write
 from .evidence import Evidence
-from .shot import Link
+from .problem import Link
 from .walk import PartialTrack, Tie
 
-FORMAT = 1
+FORMAT = 2
 READ_ERRORS = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, CameraError)
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -37,6 +37,7 @@ def write_found(path: Path, found: PartialTrack, key: str) -> None:
         "t": np.array([pose.t for pose in poses]).reshape(-1, 3),
         "cells": np.array([tie.cells for tie in ties.values()], np.int64),
         "depth": np.array([tie.median_depth for tie in ties.values()]),
+        "grow": np.array([tie.grow for tie in ties.values()]),
         "links": np.array([(link.a, link.b) for link in links], np.int64).reshape(-1, 2),
         **_packed("tie", [tie.evidence for tie in ties.values()]),
         **_packed("link", [link.evidence for link in links]),
@@ -69,10 +70,10 @@ def read_found(path: Path, key: str) -> PartialTrack:
 
 
 def _found(arrays: Arrays, lost: dict[int, str]) -> PartialTrack:
-    columns = [arrays[name].tolist() for name in ("frames", "cells", "depth")]
+    columns = [arrays[name].tolist() for name in ("frames", "cells", "depth", "grow")]
     poses = [Pose.as_it_is(R, t) for R, t in zip(arrays["R"], arrays["t"], strict=True)]
     rows = zip(*columns, poses, _unpacked("tie", arrays), strict=True)
-    ties = {frame: Tie(pose, evidence, cells, depth) for frame, cells, depth, pose, evidence in rows}
+    ties = {frame: Tie(pose, evidence, cells, depth, grow) for frame, cells, depth, grow, pose, evidence in rows}
     pairs = zip(arrays["links"].tolist(), _unpacked("link", arrays), strict=True)
     return PartialTrack(ties, [Link(a, b, evidence) for (a, b), evidence in pairs], lost)
 

@@ -18,7 +18,8 @@ class TrackedFrame:
     state: "good" = many matches hold the camera and it sits on the splat; "weak" = the camera is tied to the splat, by less
     than that; "lost" = nothing ties it to the splat, and the camera lies on the path of the frames beside it. reason: why it is
     not good, one sentence. matches: corners that sit on the splat. rms_px: RMS distance of these from their places, in pixels
-    of the frame as it is, NaN where it is lost.
+    of the frame as it is, NaN where it is lost. focal_std_pct: deviation of its focal length, per cent, NaN where the lens does
+    not zoom.
     """
 
     frame: int
@@ -27,6 +28,7 @@ class TrackedFrame:
     reason: str
     matches: int
     rms_px: float
+    focal_std_pct: float = float("nan")
 
 
 @dataclass(frozen=True)

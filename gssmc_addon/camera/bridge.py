@@ -27,7 +27,8 @@ class CameraCopy:
     """A Blender camera copied out of Blender: `lens`, distortion (k1 k2 p1 p2 k3), pose in the splat file's coordinates.
 
     `frame`: render resolution (x, y) that the lens belongs to; the photo lies in its middle, as large as fits whole.
-    `photo_pixel`: how wide a pixel of the photo is shown, in its heights; those of the frame stand in `lens`.
+    `photo_pixel`: how wide a pixel of the photo is shown, in its heights; those of the frame stand in `lens`. `solved`: the
+    lens that was solved since, in pixels of the photo at some size, which goes before all of these; None where none was.
     """
 
     lens: BlenderLens
@@ -36,9 +37,12 @@ class CameraCopy:
     frame: tuple[int, int]
     focal_guessed: bool = False
     photo_pixel: float = 1.0
+    solved: Intrinsics | None = None
 
     def at_size(self, width: int, height: int) -> Camera:
         """The engine's camera for a photo of `width` x `height` pixels."""
+        if self.solved is not None:
+            return Camera(self.solved.resized(width, height), self.pose)
         frame = conventions.intrinsics_from_blender(self.lens, *self.frame, self.dist)
         photo = conventions.photo_in_frame(frame, width, height, self.lens.pixel, self.photo_pixel)
         return Camera(photo, self.pose, focal_guessed=self.focal_guessed)

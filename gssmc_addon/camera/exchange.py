@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 
 from ...core.cameras import colmap, nerfstudio
+from ...core.cameras.animated import chan
 from ...core.cameras.files import camera_to_dict
 from ...core.cameras.training_world import read_training_world
 from ...core.errors import CameraError, DatasetError
@@ -35,7 +36,7 @@ class Outgoing:
     """A camera on its way out, at its photo's own size; `said`: what a camera JSON tells besides.
 
     `name`: the camera object's; `verdict` as in camera_props, or CHANGED. `movie_frame`: of a photo that is no file of its own.
-    `orientation`: EXIF's, of the photo's file.
+    `orientation`: EXIF's, of the photo's file. `scene_frame`: the frame of the scene, of a plate.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Outgoing:
     said: dict[str, Any]
     movie_frame: int | None = None
     orientation: int = 1
+    scene_frame: int | None = None
 
 
 @dataclass(frozen=True)
@@ -91,11 +93,13 @@ def into_training_axes(outgoing: Sequence[Outgoing], splat: bpy.types.Object) ->
 
 
 def write(path: Path, kind: str, outgoing: Sequence[Outgoing]) -> list[str]:
-    """Writes the cameras: COLMAP into the folder `path`, NERFSTUDIO and JSON as the file `path`. Raises GssmcError.
+    """Writes the cameras: COLMAP into the folder `path`, the others as the file `path`. Raises GssmcError.
 
-    COLMAP and nerfstudio cannot tell a verdict: there cameras that failed are left out. Sentences on that. Their cameras belong
-    to the photos as they are stored, before EXIF turns them.
+    All but JSON cannot tell a verdict: there cameras that failed are left out. Sentences on that. The cameras of COLMAP and
+    nerfstudio belong to the photos as they are stored, before EXIF turns them.
     """
+    if kind == "CHAN":
+        return _write_chan(path, outgoing)
     usable = list(outgoing) if kind == "JSON" else _solved(outgoing)
     cameras = [stored_camera(item.camera, item.orientation) for item in usable]
     try:
@@ -115,6 +119,22 @@ def write(path: Path, kind: str, outgoing: Sequence[Outgoing]) -> list[str]:
     else:
         done = rpt_("{count} cameras were written to '{path}'.", count=len(usable), path=path)
     return [done, *_remarks(outgoing, usable)]
+
+
+def _write_chan(path: Path, outgoing: Sequence[Outgoing]) -> list[str]:
+    """Writes the one plate's cameras for Nuke, at the frames of the scene."""
+    frames = [(item.scene_frame, item.camera) for item in outgoing if item.scene_frame is not None]
+    if len(frames) < len(outgoing) or len({item.name for item in outgoing}) != 1:
+        raise DatasetError(rpt_("A .chan file holds one camera that moves; select the camera of one tracked plate."))
+    cameras = [camera for _, camera in frames]
+    try:
+        chan.write_chan(path, [(frame, camera) for frame, camera in frames if frame is not None])
+    except OSError as error:
+        text = rpt_("'{path}' cannot be written ({reason}); choose another place.", path=path, reason=error.strerror)
+        raise DatasetError(text) from error
+    lost = chan.lacking(cameras)
+    done = rpt_("{count} cameras were written to '{path}'.", count=len(cameras), path=path)
+    return [done, *([lost] if lost else []), *_remarks(outgoing, list(outgoing))]
 
 
 def _solved(outgoing: Sequence[Outgoing]) -> list[Outgoing]:
@@ -177,7 +197,8 @@ def _plate_cameras(scene: bpy.types.Scene, obj: bpy.types.Object, plate: plate_s
     try:
         for frame in frames:
             scene.frame_set(frame)  # A parent or the splat may be animated.
-            outgoing.append(_camera(scene, obj, _plate_picture(obj, plate, frame)))
+            item = _camera(scene, obj, _plate_picture(obj, plate, frame))
+            outgoing.append(replace(item, scene_frame=frame))
     finally:
         scene.frame_set(at[0], subframe=at[1])
         obj.matrix_basis, data.lens, data.shift_x, data.shift_y = unkeyed

@@ -17,11 +17,17 @@ TRANSFORM = ("location", "rotation_euler", "rotation_quaternion", "rotation_axis
 @dataclass(frozen=True)
 class KeyOptions:
     """`lens`: whether focal length and shift are keyed; `filled`: the frames whose camera was not found by itself, but lies on
-    the path of the others; their keys are of Blender's type Generated.
+    the path of the others; their keys are of Blender's type Generated; `pinned`: those whose camera is the user's, of type
+    Extreme.
     """
 
     lens: bool = False
     filled: frozenset[int] = frozenset()
+    pinned: frozenset[int] = frozenset()
+
+    def kind(self, frame: int) -> str:
+        """Blender's word for the type of the keys at a frame."""
+        return "EXTREME" if frame in self.pinned else "GENERATED" if frame in self.filled else "KEYFRAME"
 
 
 def write(
@@ -49,8 +55,7 @@ def write(
             before = continue_turn(camera, before)
             for block, names in paths.items():
                 for name in names:
-                    kind = "GENERATED" if frame in keys.filled else "KEYFRAME"
-                    block.keyframe_insert(name, frame=frame, keytype=kind)
+                    block.keyframe_insert(name, frame=frame, keytype=keys.kind(frame))
     finally:
         scene.frame_set(current, subframe=part)
 

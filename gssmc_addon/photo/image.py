@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ...core.errors import PhotoError
-from ...core.photos.exr import HEADER_BYTES, pixel_aspect
+from ...core.photos.containers.exr_header import HEADER_BYTES, pixel_aspect
 from ...core.photos.linear import photo_from_linear
 from ...core.photos.photo import Photo, photo_facts, read_photo
 from ...core.photos.size import EXR_SIGNATURE
@@ -170,7 +170,8 @@ def photo_of(data: bpy.types.Camera) -> bpy.types.Image | None:
     """As `camera_photo`, of the camera's data."""
     if data.gssmc.photo:
         return data.gssmc.photo
-    return next((b.image for b in data.background_images if b.source == "IMAGE" and b.image), None)
+    shown = (b.image for b in data.background_images if b.source == "IMAGE" and b.image)
+    return next((image for image in shown if image != data.gssmc.undistorted), None)
 
 
 def photo_file(image: bpy.types.Image) -> str:

@@ -9,6 +9,8 @@ import numpy as np
 from ...core.photos.photo import Photo
 from ..camera import frame as camera_frame
 from ..camera import solution as camera_solution
+from ..look import cameras as look_cameras
+from ..look import looks
 from . import camera as photo_camera
 from . import image as photo_image
 from .entry import GssmcPhoto
@@ -58,6 +60,8 @@ def add(scene: bpy.types.Scene, camera: bpy.types.Object, photo: Photo) -> Gssmc
     """The entry of a camera that was just given its photo; a new one where it has none yet."""
     entry = find(scene, camera) or scene.gssmc.photos.add()
     entry.camera, entry.error, entry.note, entry.file = camera, "", "", ""
+    look_cameras.take_in(scene, camera)
+    looks.show_photo(scene, camera)
     image = photo_image.camera_photo(camera)
     if image:
         _set_thumbnail(image, photo)
@@ -91,8 +95,10 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     left = photo_image.camera_photo(scene.camera) if scene.camera and scene.camera.type == "CAMERA" else None
     image = photo_image.camera_photo(camera)
     scene.camera = camera
+    looks.show_photo(scene, camera)
     camera_frame.follow(scene)
     context.view_layer.update()  # A camera that was just linked is not in the view layer yet.
+    look_cameras.show_one(scene, context.view_layer)
     if camera_solution.verdict(scene, camera) in ("TRUSTED", "CHECK"):
         photo_camera.stop_moving_with_view()
     if camera.name in context.view_layer.objects:

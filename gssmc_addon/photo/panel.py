@@ -76,6 +76,7 @@ class GSSMC_PT_photos(panels._Sidebar, bpy.types.Panel):
         column.separator()
         column.operator("gssmc.add_photo_folder", text="", icon="FILE_FOLDER")
         column.operator("gssmc.set_masks", text="", icon="MOD_MASK")
+        column.prop(own, "show_all_cameras", text="", icon="OUTLINER_OB_CAMERA")
         if own.photos:
             _draw_review(layout)
             _draw_refine(layout, context)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
-from ...core.errors import RefineError
-from ..photo import image as photo_image
+from ...core.errors import GssmcError, RefineError
+from ..jobs.operator import OperatorMixin
 from ..splat import object as splat_object
 from ..support.texts import rpt_
 from . import source as plate_source
@@ -96,6 +96,34 @@ def range_of(operator: bpy.types.Operator, scene: bpy.types.Scene) -> tuple[int,
     return start, end
 
 
+class OfPlate(OperatorMixin):
+    """A mixin for operators on the scene camera's plate: their button is grey where something is missing, and says what."""
+
+    needs_splat = True
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        lacks = lack(context.scene) if cls.needs_splat else lack_of_plate(context.scene)
+        if lacks:
+            cls.poll_message_set(lacks)
+            return False
+        return super().poll(context)
+
+
+class AsksForRange(OfPlate):
+    """A mixin for jobs on a range of the plate's frames, which a dialog asks for."""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        try:
+            self.asked, shared = True, shared_range(context.scene)
+        except GssmcError as error:
+            return self.refuse(context, str(error))
+        for name, frame in zip(("start", "end"), shared, strict=True):
+            if not self.properties.is_property_set(name):
+                setattr(self, name, frame)
+        return context.window_manager.invoke_props_dialog(self, confirm_text=self.bl_label)
+
+
 def _camera_of(scene: bpy.types.Scene) -> bpy.types.Object:
     """The scene's camera. Raises RefineError when there is none."""
     camera: bpy.types.Object | None = scene.camera
@@ -108,10 +136,15 @@ def lack(scene: bpy.types.Scene) -> str:
     """Why no plate can be refined, as a sentence, without opening its file; "" when one can."""
     try:
         splat_object.picked(scene, scene.gssmc.splat)
+    except RefineError as error:
+        return str(error)
+    return lack_of_plate(scene)
+
+
+def lack_of_plate(scene: bpy.types.Scene) -> str:
+    """Why there is no plate, as a sentence, without opening its file; "" when there is one."""
+    try:
         camera = _camera_of(scene)
     except RefineError as error:
         return str(error)
-    image, slots = photo_image.camera_photo(camera), camera.data.background_images
-    clip = image is None and any(slot.source == "MOVIE_CLIP" and slot.clip for slot in slots)
-    moves = clip or (image is not None and image.source in plate_source.MOVING)
-    return "" if moves else plate_source.no_plate(camera)
+    return "" if plate_source.moves(camera) else plate_source.no_plate(camera)

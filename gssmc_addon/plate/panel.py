@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import bpy
 
-from ..photo import image as photo_image
 from ..refine import panel as panels
 from ..support.texts import iface_
-from .source import MOVING
+from .source import moves
+from .track import pins
+from .track import plot as frame_plot
+
+PLOT_SCALE = 8.0
 
 
 class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
@@ -19,13 +22,17 @@ class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
         layout, camera = self.layout, context.scene.camera
         camera = camera if camera and camera.type == "CAMERA" else None
         layout.operator("gssmc.add_plate", icon="FILE_MOVIE")
-        if not camera or not _moves(camera):
+        if not camera or not moves(camera):
             hint = iface_("Add a movie or an image sequence, go to a frame and bring the camera there.")
             panels.draw_text(layout, context, hint)
             return
         column = layout.column(align=True)
         column.operator("gssmc.track_plate", text="Track Every Frame...", icon="TRACKER")
         column.operator("gssmc.refine_sequence", text="Refine Every Nth Frame...", icon="CAMERA_DATA")
+        pinned = context.scene.frame_current in pins.frames(camera.data)
+        text = iface_("Unpin This Frame") if pinned else iface_("Pin This Frame")
+        column.operator("gssmc.pin_frame", text=text, icon="PINNED" if pinned else "UNPINNED", translate=False)
+        _draw_errors(layout, camera)
         if camera.data.gssmc.bad_frames:
             text = iface_("Weak or bad frames: {frames}", frames=camera.data.gssmc.bad_frames)
             box = layout.box()
@@ -35,12 +42,15 @@ class GSSMC_PT_plate(panels._Sidebar, bpy.types.Panel):
             row.operator("gssmc.weak_frame", text="Next", icon="TRIA_RIGHT").step = 1
 
 
-def _moves(camera: bpy.types.Object) -> bool:
-    """Whether the camera has a plate; cheap, for it is asked at every redraw."""
-    image = photo_image.camera_photo(camera)
-    if image:
-        return image.source in MOVING
-    return any(slot.source == "MOVIE_CLIP" and slot.clip for slot in camera.data.background_images)
+def _draw_errors(layout: bpy.types.UILayout, camera: bpy.types.Object) -> None:
+    """The error of this frame, and the curve of all."""
+    picture = frame_plot.icon(camera.data)
+    if picture:
+        box = layout.box().column()
+        row = box.row()
+        row.enabled = False  # It is measured, not set.
+        row.prop(camera.data.gssmc, "frame_error_px", text="Error Here (px)")
+        box.template_icon(icon_value=picture, scale=PLOT_SCALE)
 
 
 classes = (GSSMC_PT_plate,)

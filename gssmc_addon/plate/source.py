@@ -90,6 +90,12 @@ def has_clip(camera: bpy.types.Object) -> bool:
     return clips and photo_image.camera_photo(camera) is None
 
 
+def moves(camera: bpy.types.Object) -> bool:
+    """Whether the camera has a plate; cheap, for it is asked at every redraw."""
+    image = photo_image.camera_photo(camera)
+    return image.source in MOVING if image else has_clip(camera)
+
+
 def no_plate(camera: bpy.types.Object) -> str:
     """What to tell of a camera without a plate."""
     return rpt_('The camera "{name}" has no image sequence or movie; use Add Plate in the GS-SMC panel.', name=camera.name)
@@ -130,6 +136,16 @@ def load(path: Path, is_movie: bool) -> bpy.types.Image:
     image = bpy.data.images.load(str(path), check_existing=False)
     image.source = "MOVIE" if is_movie else "SEQUENCE"
     return image
+
+
+def shot_name(path: Path) -> str:
+    """The name of a plate without the number of its file: "shot" of shot.0012.png; a movie's name is its own.
+
+    Where nothing but a number is left, it is the folder's.
+    """
+    number = None if path.suffix.lower() in bpy.path.extensions_movie else DIGITS.search(path.stem)
+    bare = path.stem if number is None else path.stem[: number.start()] + path.stem[number.end() :]
+    return (bare.strip("._- ") or path.parent.name or path.stem) + path.suffix
 
 
 def set_frames(data: bpy.types.Camera, image: bpy.types.Image, start: int, first: int, last: int) -> None:

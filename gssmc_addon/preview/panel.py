@@ -24,10 +24,15 @@ class GSSMC_PT_preview(panels._Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, own = self.layout, context.window_manager.gssmc.preview
         column = layout.column(align=True)
+        column.row(align=True).prop(context.scene.gssmc, "look", expand=True)
+        column.prop(context.scene.gssmc, "photo_opacity", slider=True)
+        column = layout.column(align=True)
         column.enabled = not slot.active()  # A job must end first, so that the options always agree with the picture.
         column.prop(own, "style", text="")
         if own.style == "WIPE":
-            column.prop(own, "position", slider=True)
+            row = column.row(align=True)
+            row.prop(own, "position", slider=True)
+            row.operator("gssmc.drag_wipe", text="", icon="ARROW_LEFTRIGHT")
         if own.style in preview_options.IN_VIEWPORT:
             layout.prop(own, "background")
         elif not any(preview_images.editors()):

@@ -8,6 +8,7 @@ from ..camera import solution as camera_solution
 from ..jobs import slot
 from ..jobs.machine import CATEGORY
 from ..photo import image as photo_image
+from ..plate import source as plate_source
 from ..registration import camera_props, preferences
 from ..registration import settings as settings_props
 from ..splat import object as splat_object
@@ -180,7 +181,8 @@ class GSSMC_PT_lens(_Sidebar, bpy.types.Panel):
         for name in ("k1", "k2", "p1", "p2", "k3"):
             column.prop(data.gssmc, name, text="Distortion k1" if name == "k1" else name)
         column = self.layout.column(align=True)
-        column.operator("gssmc.undistort_photo")
+        moves = plate_source.moves(context.scene.camera)
+        column.operator("gssmc.undistort_plate" if moves else "gssmc.undistort_photo", text="Undistort Background")
         column.operator("gssmc.match_resolution")
 
 

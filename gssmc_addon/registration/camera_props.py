@@ -74,7 +74,7 @@ def keep_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], i
     if verdict == "none":
         props.solution, props.solved_photo = "", None
     props.verdict, props.reasons = verdict.upper(), "\n".join(reasons)
-    props.iterations_done, props.seconds, props.frames_done = iterations, seconds, 0
+    props.iterations_done, props.seconds, props.frames_done, props.track = iterations, seconds, 0, ""
 
 
 def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:
@@ -173,6 +173,17 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "iterations_done": IntProperty(name="Iterations", description="Iterations of the last refinement"),
         "frames_done": IntProperty(name="Frames", description="Frames of the last refinement of a plate; 0: it was of a photo"),
         "seconds": FloatProperty(name="Seconds", description="How long the last refinement took"),
+        "frame_error_px": FloatProperty(
+            name="Error (px)",
+            description="RMS distance of this frame's corners from where the splat has them, in pixels of the plate. Its curve "
+            "is in the Graph Editor",
+            min=0,
+            precision=2,
+        ),
+        "track": StringProperty(name="Track", description="The tracked plate as JSON, every frame with how well it is held"),
+        "pinned_frames": StringProperty(
+            name="Pinned Frames", description="The numbers of the frames whose camera is the user's; tracking holds it exactly"
+        ),
         "weak_frames": StringProperty(name="Weak Frames", description="The numbers of all frames that are not held well"),
         "bad_frames": StringProperty(
             name="Bad Frames", description="Frames of a plate that could not be refined and have no key"

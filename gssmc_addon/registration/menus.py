@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ...core.splats import SUFFIXES
+from ...core.support.picture_names import PICTURES
 
 
 def _draw_import(self: bpy.types.Menu, context: bpy.types.Context) -> None:
@@ -29,14 +30,48 @@ class GSSMC_FH_splats(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-classes = (GSSMC_FH_splats,)
+class GSSMC_FH_photos(bpy.types.FileHandler):
+    bl_idname = "GSSMC_FH_photos"
+    bl_label = "Photos to Place in the Splat"
+    bl_import_operator = "gssmc.add_photos"
+    bl_file_extensions = ";".join(PICTURES)
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        """In a scene without a splat pictures stay Blender's own."""
+        return context.area is not None and context.area.type == "VIEW_3D" and context.scene.gssmc.splat is not None
+
+
+classes = (GSSMC_FH_splats, GSSMC_FH_photos)
+
+
+class _Keys:
+    """The extension's keys, to be taken back."""
+
+    def __init__(self) -> None:
+        self.items: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
+
+
+_keys = _Keys()
+
+
+def _register_keys() -> None:
+    """V in Object Mode, which Blender leaves free there. Without a window there are no keys."""
+    configuration = bpy.context.window_manager.keyconfigs.addon
+    if configuration:
+        keys = configuration.keymaps.new(name="Object Mode", space_type="EMPTY")
+        _keys.items.append((keys, keys.keymap_items.new("gssmc.look", "V", "PRESS")))
 
 
 def register() -> None:
+    _register_keys()
     bpy.types.TOPBAR_MT_file_import.append(_draw_import)
     bpy.types.TOPBAR_MT_file_export.append(_draw_export)
 
 
 def unregister() -> None:
+    while _keys.items:
+        keys, item = _keys.items.pop()
+        keys.keymap_items.remove(item)
     bpy.types.TOPBAR_MT_file_export.remove(_draw_export)
     bpy.types.TOPBAR_MT_file_import.remove(_draw_import)

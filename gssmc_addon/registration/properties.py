@@ -9,10 +9,21 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ...core.pose.presets import PRESETS
 from ...core.pose.settings import RefineSettings
+from ..look import cameras as look_cameras
+from ..look import looks
+from ..photo import image as photo_image
 from ..photo import list as photo_list
 from ..photo.entry import GssmcPhoto
 from ..pins.props import GssmcPin
@@ -28,6 +39,14 @@ def _photo_clicked(self: GssmcScene, context: bpy.types.Context) -> None:
     """A line of the list was clicked: the viewport looks through its camera, and the panel shows its verdict."""
     context.window_manager.gssmc.tell("")
     photo_list.show(context, self.id_data)
+
+
+def _look_changed(self: GssmcScene, context: bpy.types.Context) -> None:
+    looks.apply(self.id_data)
+
+
+def _cameras_changed(self: GssmcScene, context: bpy.types.Context) -> None:
+    look_cameras.show_one(self.id_data, context.view_layer)
 
 
 def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
@@ -67,6 +86,32 @@ class GssmcScene(bpy.types.PropertyGroup):
         ),
         "show_pins": BoolProperty(
             name="Show Pins", default=True, description="Draw the pins over the photo, with their errors", update=_pins_shown
+        ),
+        "look": EnumProperty(
+            name="Look",
+            items=looks.ITEMS,
+            default=looks.ALIGN,
+            description="How photo, splat and CG lie over each other in the viewport; V changes it",
+            update=_look_changed,
+        ),
+        "look_kept": StringProperty(name="Look Kept", description="What the look Comp hid of the viewports, as JSON"),
+        "photo_opacity": FloatProperty(
+            name="Photo Opacity",
+            description="How opaque photos lie before the splat in the look Align",
+            default=photo_image.BACKGROUND_ALPHA,
+            min=0,
+            max=1,
+            subtype="FACTOR",
+            update=_look_changed,
+        ),
+        "photo_collection": PointerProperty(
+            name="Photo Collection", description="The collection of the photos' cameras", type=bpy.types.Collection
+        ),
+        "show_all_cameras": BoolProperty(
+            name="Show All Cameras",
+            description="Show the cameras of all photos in the viewport, and not only that of the picked one",
+            default=False,
+            update=_cameras_changed,
         ),
         "quality": quality_annotation(),
         "map_views": settings.map_views_annotation(),

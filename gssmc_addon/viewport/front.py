@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+COMP = "COMP"  # the scene's look in which photos lie behind
 MOST = 4  # as many as the shader takes
 STILL = ("FILE", "GENERATED")  # Of all other sources only Blender knows which frame is shown.
 
@@ -29,15 +30,39 @@ class FrontPicture:
 
 
 def front_pictures(context: bpy.types.Context) -> list[FrontPicture]:
-    """The viewport's pictures from the lowest to the uppermost; of very many only the uppermost."""
+    """The viewport's pictures from the lowest to the uppermost; of very many only the uppermost.
+
+    In the look Comp the photo behind the scene counts as one: laid over the splat at full opacity, the splat shows the photo
+    where it hides CG.
+    """
     space, region = context.space_data, context.region_data
     camera = space.camera if region.view_perspective == "CAMERA" else None
     if camera is None or camera.type != "CAMERA" or not camera.data.show_background_images or not space.overlay.show_overlays:
         return []
     border = border_of(context.scene, camera.data, region.window_matrix)
-    slots = [slot for slot in camera.data.background_images if slot.show_background_image and slot.display_depth == "FRONT"]
+    comp = context.scene.gssmc.look == COMP
+    slots = [slot for slot in camera.data.background_images if slot.show_background_image and (comp or _is_front(slot))]
     found = [_picture(slot, border, (context.region.width, context.region.height)) for slot in slots]
-    return [picture for picture in found if picture is not None][-MOST:]
+    # Behind the scene, the picture's pixels must be known: what the viewport shows has CG before them.
+    return [picture for picture in found if picture is not None and (picture.image or not comp)][-MOST:]
+
+
+def across_frame(context: bpy.types.Context, mouse: tuple[int, int]) -> float | None:
+    """Where the mouse, in pixels of the window, is across the camera's frame, 0 to 1; None where no camera is looked through
+    there.
+    """
+    for area in (area for area in context.screen.areas if area.type == "VIEW_3D"):
+        region, space = next(r for r in area.regions if r.type == "WINDOW"), area.spaces.active
+        view = space.region_3d
+        inside = 0 <= mouse[0] - region.x < region.width and 0 <= mouse[1] - region.y < region.height
+        if inside and view.view_perspective == "CAMERA" and space.camera and space.camera.type == "CAMERA":
+            left, right = border_of(context.scene, space.camera.data, view.window_matrix)[:, 0] * region.width
+            return float(min(1.0, max(0.0, (mouse[0] - region.x - left) / max(1.0, right - left))))
+    return None
+
+
+def _is_front(slot: bpy.types.CameraBackgroundImage) -> bool:
+    return slot.display_depth == "FRONT"
 
 
 def border_of(scene: bpy.types.Scene, data: bpy.types.Camera, projection: Matrix) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from ..proxy import uses as proxy_uses
 from ..splat import object as splat_object
 from ..splat import up_axis
 from ..support.texts import iface_
@@ -86,7 +87,7 @@ def redraw_views() -> None:
 
 
 class GssmcObject(bpy.types.PropertyGroup):
-    """On objects: how a splat shows in the viewport."""
+    """On objects: how a splat shows in the viewport; of a proxy, whose it is and what it is for."""
 
     __annotations__ = {
         "show_as": EnumProperty(
@@ -126,6 +127,19 @@ class GssmcObject(bpy.types.PropertyGroup):
             min=0.0,
             max=1.0,
             update=_changed,
+        ),
+        "proxy_of": PointerProperty(
+            name="Proxy Of",
+            description="The splat that this mesh stands for",
+            type=bpy.types.Object,
+            options={"HIDDEN"},
+        ),
+        "proxy_use": EnumProperty(
+            name="Proxy Use",
+            description="What the proxy is for",
+            items=proxy_uses.ITEMS,
+            default=proxy_uses.NONE,
+            options={"HIDDEN"},
         ),
     }
 

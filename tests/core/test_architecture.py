@@ -102,7 +102,7 @@ RANKS = (
     ("support", "geometry"),
     ("processes", "photos", "splats", "features"),
     ("cameras", "render"),
-    ("pose",),
+    ("pose", "proxy"),
     ("locate",),
     ("pictures", "batch", "track"),
     ("synthetic",),

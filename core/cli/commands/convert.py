@@ -11,14 +11,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...cameras import colmap, nerfstudio, pose_list, starts
+from ...cameras.animated import chan
 from ...cameras.files import StartCamera
 from ...cameras.training_world import AXES, FILE, ScanAxes, read_training_world
 from ...errors import DatasetError, UsageError
 from ...geometry.camera import Camera
 from ...geometry.conventions import Similarity
+from ...photos.plate import number_of
 from ...splats import read_splats
 from ...support.atomic import atomic_write
 from ...support.words import counted
+from ...track.file import frame_numbers
 from ..console import message, say
 from ..convert_scene import WRITERS as SCENE_WRITERS
 from ..convert_scene import convert_scene, is_scene
@@ -26,7 +29,10 @@ from ..flags import CAMERAS_HELP, SCENE_HELP, add_axes_flag, whole_number
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 
-SUFFIXES = {".json": "json", ".txt": "poses", "": "colmap"}
+CHAN = "chan"
+SUFFIXES = {".json": "json", ".txt": "poses", ".chan": CHAN, "": "colmap"}
+# A file of this name is nerfstudio's to every program that asks for it.
+NAMES = {nerfstudio.FILE: "nerfstudio"}
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -35,7 +41,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("cameras", type=Path, help=f"{CAMERAS_HELP}; or a {SCENE_HELP}")
     scenes = ", ".join(SCENE_WRITERS)
     parser.add_argument("out", type=Path, help=f"file or, for COLMAP, folder to write; for a scan a file ending in {scenes}")
-    parser.add_argument("--to", choices=list(WRITERS), help="layout of OUT (by its ending: .json, .txt = poses, none = colmap)")
+    layouts = "layout of OUT (by its name: transforms.json = nerfstudio, .json, .txt = poses, .chan = Nuke, none = colmap)"
+    parser.add_argument("--to", choices=[*WRITERS, CHAN], help=layouts)
     level = "of a streamed scan: the level that is written, 0 = the finest (0)"
     parser.add_argument("--level", type=whole_number, default=0, metavar="N", help=level)
     scan = "the splat file that the cameras belong to: they are written in its coordinates, or as --to-axes says"
@@ -53,9 +60,9 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.to is None and is_scene(args.out):
         convert_scene(args.cameras, args.out, args.level)
         return Outcome(OK)
-    layout = args.to or SUFFIXES.get(args.out.suffix.lower())
+    layout = args.to or NAMES.get(args.out.name.lower()) or SUFFIXES.get(args.out.suffix.lower())
     if layout is None:
-        raise DatasetError(f"The ending of '{args.out.name}' tells no layout; say --to {', --to '.join(WRITERS)}.")
+        raise DatasetError(f"The ending of '{args.out.name}' tells no layout; say --to {', --to '.join([*WRITERS, CHAN])}.")
     _check_paths(args, layout)
     if args.scan is None and (args.axes, args.to_axes) != (AXES[0], AXES[1]):
         raise UsageError("--axes and --to-axes need the scan that the cameras belong to; give it with --scan.")
@@ -68,7 +75,10 @@ def run(args: argparse.Namespace) -> Outcome:
         found = [replace(start, pose=world.pose_to_scene(start.pose)) for start in found]
     if args.scan is not None:
         found = _beside_scan(found, args)
-    WRITERS[layout](args.out, found)
+    if layout == CHAN:
+        _chan(args.out, found, args.cameras)
+    else:
+        WRITERS[layout](args.out, _named_apart(found, args.cameras) if layout in UNIQUE else found)
     say(f"{counted(len(found), 'camera')} {'was' if len(found) == 1 else 'were'} written to '{args.out}'.")
     return Outcome(OK)
 
@@ -125,6 +135,29 @@ def _nerfstudio(path: Path, found: Sequence[StartCamera]) -> None:
     nerfstudio.write_transforms(path, _with_lenses(found))
 
 
+def _chan(path: Path, found: Sequence[StartCamera], source: Path) -> None:
+    cameras = _with_lenses(found)
+    numbers = frame_numbers(source)
+    if len(numbers) != len(found):
+        numbers = [number for start in found if (number := number_of(start.file)) is not None]
+    if len(set(numbers)) != len(found):
+        raise DatasetError("The cameras are not those of numbered frames, one each; give a track, or cameras of a sequence.")
+    told = chan.lacking(cameras)
+    if told:
+        message(told)
+    chan.write_chan(path, list(zip(numbers, cameras, strict=True)))
+
+
+def _named_apart(found: Sequence[StartCamera], source: Path) -> list[StartCamera]:
+    """The cameras, each with a file of its own: those of a movie are named as pictures that are taken out of it would be."""
+    numbers = frame_numbers(source)
+    if len(numbers) != len(found) or len({start.file for start in found}) == len(found):
+        return list(found)
+    named = [replace(s, file=f"{Path(s.file).stem}.{n:04d}.png") for s, n in zip(found, numbers, strict=True)]
+    message(f"The frames of the movie are named '{named[0].file}' to '{named[-1].file}'; take its pictures out as these.")
+    return named
+
+
 def _with_lenses(found: Sequence[StartCamera]) -> list[Camera]:
     out = []
     for number, start in enumerate(found, 1):
@@ -134,6 +167,8 @@ def _with_lenses(found: Sequence[StartCamera]) -> list[Camera]:
     return out
 
 
+# Layouts that name a picture for each camera.
+UNIQUE = frozenset({"poses", "colmap", "nerfstudio"})
 WRITERS: dict[str, Callable[[Path, Sequence[StartCamera]], None]] = {
     "json": _json,
     "poses": _poses,

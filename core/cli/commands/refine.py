@@ -151,14 +151,16 @@ class Placing:
         message("The refinement from the start failed; the photo is searched for without it.")
         found = self._find(photo, Unplaced.of(wanted))
         record = joined(first.record, found.record)
-        return Placed(record, replace(found.report or report, reasons=tuple(record["reasons"])))
+        return Placed(record, replace(found.report or report, reasons=tuple(record["reasons"]), seconds=record["seconds"]))
 
     def _find(self, photo: Photo, wanted: Unplaced) -> Placed:
         assert self._flags is not None
         target = find_target(photo, wanted)
         found = find_with_progress(self._renderer, target, self._flags.cache(self._scene), self._settings)
         found = whole_found(photo, found, wanted)
-        return Placed(found_to_dict(found, wanted), None if found.camera is None else found.refined)
+        if found.camera is None or found.refined is None:
+            return Placed(found_to_dict(found, wanted), None)
+        return Placed(found_to_dict(found, wanted), replace(found.refined, seconds=found.seconds))
 
 
 def refined_pins(renderer: ViewRenderer, photo: Photo, pinned: PinReport, settings: RefineSettings) -> Placed:

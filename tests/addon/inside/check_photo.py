@@ -186,7 +186,7 @@ def test_a_camera_file_that_does_not_fit_changes_nothing(bpy, tmp_path, splat_fi
 @pytest.mark.parametrize("codec", ["NONE", "ZIP", "RLE"])
 def test_st_maps_are_openexr_as_blender_has_it(bpy, extension, tmp_path, codec):
     """Blender reads what the engine writes, and the engine what Blender writes."""
-    exr = extension("core.pictures.exr")
+    exr = extension("core.photos.containers.openexr")
     rows = np.random.default_rng(0).random((20, 31, 2)).astype(np.float32)
     exr.write_exr(tmp_path / "ours.exr", {"R": rows[..., 0], "G": rows[..., 1]})
     image = bpy.data.images.load(str(tmp_path / "ours.exr"))

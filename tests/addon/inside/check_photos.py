@@ -183,7 +183,7 @@ def test_what_is_wrong_stands_below_the_list_in_full(bpy, listed, extension):
     assert rows(bpy, extension) == ([["ticked", "name"]] * 3, "")
     own.photos[0].error = "A sentence that no line of the list has room for."
     assert rows(bpy, extension) == ([["ticked", "name"]] * 3, own.photos[0].error)
-    listed.collection.objects.unlink(own.photos[1].camera)  # deleted by the user: the list keeps it
+    own.photo_collection.objects.unlink(own.photos[1].camera)  # deleted by the user: the list keeps it
     own.photo_index = 1
     said, below = rows(bpy, extension)
     assert said[1] == ["ticked", "p1"]

@@ -14,6 +14,7 @@ from core.synthetic import sample_cameras
 
 FIRST, COUNT, STEP = 12, 9, 2  # files 12 to 20 show at frames 1 to 9
 BAD_FRAME = 5
+HERE = {"first_frame": 1, "set_range": False}  # at the scene's frame 1, whatever the files' numbers
 
 
 def moving(index):
@@ -36,15 +37,26 @@ def plate(tmp_path_factory):
             noise = np.random.default_rng(0).integers(0, 256, (rooms.HEIGHT, rooms.WIDTH, 3), np.uint8)
             data = cv2.imencode(".png", noise)[1].tobytes()
         (room.folder / "broken" / name).write_bytes(data)
+    _with_frames(room.folder, "jumping", {3: COUNT}, "plate")
+    _with_frames(room.folder, "half", dict.fromkeys((5, 9), BAD_FRAME), "broken")
     first = replace(truths[0], file=f"shot.{FIRST:04d}.png")
     return room, truths, room.starts("start.json", [first], 0.04, 1.0)
+
+
+def _with_frames(folder, name, replaced, others):
+    """A copy of the plate in which frames show what others show: `replaced` maps frames to those of the plate `others`."""
+    (folder / name).mkdir()
+    for k in range(COUNT):
+        source = ("plate", k + 1) if k + 1 not in replaced else (others, replaced[k + 1])
+        data = (folder / source[0] / f"shot.{FIRST + source[1] - 1:04d}.png").read_bytes()
+        (folder / name / f"shot.{FIRST + k:04d}.png").write_bytes(data)
 
 
 def set_up(bpy, plate, folder="plate"):
     room, _, start = plate
     bpy.ops.gssmc.import_splats(filepath=str(room.scene))
     file = room.folder / folder / f"shot.{FIRST:04d}.png"
-    assert bpy.ops.gssmc.add_plate(filepath=str(file), camera="NEW", camera_file=str(start)) == {"FINISHED"}
+    assert bpy.ops.gssmc.add_plate(filepath=str(file), camera="NEW", camera_file=str(start), **HERE) == {"FINISHED"}
     return bpy.context.scene
 
 
@@ -143,6 +155,37 @@ def test_a_bad_frame_is_flagged_and_the_gap_filled(bpy, plate, extension):
     assert again == {"FINISHED"}
     assert all(frames == {1, 9} for frames in keyed(scene.camera, "location"))
     assert all(frames == {1, 9} for frames in keyed(data, "lens"))
+
+
+@pytest.mark.main_only
+def test_a_guessed_lens_is_solved_first_and_held(bpy, plate):
+    scene = set_up(bpy, plate)
+    data = scene.camera.data
+    true = data.lens
+    data.lens, data.gssmc.lens_state = 1.15 * true, "GUESSED"
+    assert bpy.ops.gssmc.refine_sequence(step=8, smooth_frames=0, **{**rooms.QUICK, "final": "auto"}) == {"FINISHED"}
+    assert data.lens == pytest.approx(true, rel=0.005)
+    assert data.gssmc.lens_state == "SOLVED"
+    assert data.animation_data is None
+
+
+@pytest.mark.main_only
+def test_a_frame_between_that_jumps_is_seen(bpy, plate):
+    scene = set_up(bpy, plate, "jumping")
+    assert bpy.ops.gssmc.refine_sequence(step=8, smooth_frames=0, **rooms.QUICK) == {"FINISHED"}
+    data = scene.camera.data.gssmc
+    assert (data.verdict, data.weak_frames.split()[0]) == ("CHECK", "3")
+    assert "Frame 3: Its corners lie" in data.reasons
+
+
+@pytest.mark.main_only
+def test_a_plate_with_fewer_than_half_of_its_frames_changes_nothing(bpy, plate):
+    scene = set_up(bpy, plate, "half")
+    before = scene.camera.matrix_world.copy()
+    with pytest.raises(RuntimeError, match="Only 1 of 3 frames of the plate could be refined; nothing was changed"):
+        bpy.ops.gssmc.refine_sequence(step=4, **rooms.QUICK)
+    assert scene.camera.animation_data is None
+    assert scene.camera.matrix_world == before
 
 
 USERS_KEYS = (0, 2, 4, 6, 8, 10)  # 18 of the location: what someone animated before
@@ -276,7 +319,7 @@ def test_frames_to_check_say_why(bpy, plate):
 
 
 def test_sentences_that_differ_in_figures_share_a_line(extension):
-    by_sentence = extension("gssmc_addon.plate.job").by_sentence
+    by_sentence = extension("gssmc_addon.plate.words").by_sentence
     frames = {7: "Only 12 % fit.", 3: "Only 9.5 % fit.", 5: "Too dark.", 9: "Too dark."}
     assert by_sentence(frames) == ["Frames 3, 7, with the figures of 3: Only 9.5 % fit.", "Frames 5, 9: Too dark."]
     assert by_sentence({4: "Too dark."}) == ["Frame 4: Too dark."]
@@ -401,7 +444,7 @@ def test_a_plate_of_open_exr_files_is_refined(bpy, plate, exr_plate, extension):
     assert (folder / f"shot.{FIRST:04d}.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"
     bpy.ops.gssmc.import_splats(filepath=str(splat))
     file = str(folder / f"shot.{FIRST:04d}.exr")
-    assert bpy.ops.gssmc.add_plate(filepath=file, camera="NEW", camera_file=str(start)) == {"FINISHED"}
+    assert bpy.ops.gssmc.add_plate(filepath=file, camera="NEW", camera_file=str(start), **HERE) == {"FINISHED"}
     scene, images = bpy.context.scene, len(bpy.data.images)
     assert bpy.ops.gssmc.refine_sequence(step=1, smooth_frames=0, **rooms.QUICK) == {"FINISHED"}
     assert len(bpy.data.images) == images
@@ -418,7 +461,7 @@ def test_a_bad_open_exr_frame_fails_alone(bpy, exr_plate):
     (folder / f"shot.{FIRST + 2:04d}.exr").write_bytes(whole[:200])
     bpy.ops.gssmc.import_splats(filepath=str(splat))
     file = str(folder / f"shot.{FIRST:04d}.exr")
-    bpy.ops.gssmc.add_plate(filepath=file, camera="NEW", camera_file=str(start))
+    bpy.ops.gssmc.add_plate(filepath=file, camera="NEW", camera_file=str(start), **HERE)
     assert bpy.ops.gssmc.refine_sequence(step=1, every_frame=False, **rooms.QUICK) == {"FINISHED"}
     data = bpy.context.scene.camera.data.gssmc
     assert data.bad_frames == "3"
@@ -508,3 +551,23 @@ def test_a_frame_that_was_refined_alone_is_solved_at_that_frame(bpy, plate, exte
     assert bpy.ops.gssmc.back_to_solution() == {"FINISHED"}
     assert (scene.frame_current, tuple(scene.camera.location)) == (2, pytest.approx(before))
     assert solution.change(scene, scene.camera) == ""
+
+
+def test_a_new_plate_brings_its_name_its_frames_and_its_rate(bpy, plate):
+    """Files begin at 12; the movie shows 24000/1001 frames a second."""
+    room, _, start = plate
+    bpy.ops.gssmc.import_splats(filepath=str(room.scene))
+    scene = bpy.context.scene
+    file = room.folder / "plate" / f"shot.{FIRST:04d}.png"
+    assert bpy.ops.gssmc.add_plate(filepath=str(file), camera="NEW", camera_file=str(start)) == {"FINISHED"}
+    shown = scene.camera.data.background_images[0].image_user.frame_start
+    assert (scene.camera.name, shown, scene.frame_current) == ("shot", FIRST, FIRST)
+    assert (scene.frame_start, scene.frame_end) == (FIRST, FIRST + COUNT - 1)
+    movie = room.folder / "clip.avi"
+    writer = cv2.VideoWriter(str(movie), cv2.VideoWriter.fourcc(*"MJPG"), 24000 / 1001, (rooms.WIDTH, rooms.HEIGHT))
+    for k in range(5):
+        writer.write(cv2.imread(str(room.folder / "plate" / f"shot.{FIRST + k:04d}.png")))
+    writer.release()
+    assert bpy.ops.gssmc.add_plate(filepath=str(movie), camera="NEW") == {"FINISHED"}
+    assert (scene.camera.name, scene.frame_start, scene.frame_end, scene.frame_current) == ("clip", 1, 5, 1)
+    assert (scene.render.fps, scene.render.fps_base) == (24, pytest.approx(1.001))

@@ -1,9 +1,10 @@
 """Track Plate: every frame keyed where the camera truly was, what is lost filled and said, nothing changed on refusal."""
 
+import cv2
 import numpy as np
 import pytest
 import rooms
-from check_sequence import BAD_FRAME, COUNT, errors, keyed, plate, set_up  # noqa: F401  # `plate` is a fixture
+from check_sequence import BAD_FRAME, COUNT, FIRST, errors, keyed, plate, set_up  # noqa: F401  # `plate` is a fixture
 
 FRAMES = range(1, COUNT + 1)
 
@@ -33,7 +34,7 @@ def test_every_frame_is_keyed_where_the_camera_was(bpy, plate, extension):  # no
     assert extension("gssmc_addon.camera.solution").change(scene, scene.camera) == ""
 
 
-def test_a_lost_frame_is_filled_and_said(bpy, plate, extension):  # noqa: F811
+def test_a_lost_frame_is_filled_and_said_and_the_errors_are_a_curve(bpy, plate, extension):  # noqa: F811
     scene = set_up(bpy, plate, "broken")
     assert track(bpy) == {"FINISHED"}
     found = kinds(scene.camera)
@@ -45,6 +46,13 @@ def test_a_lost_frame_is_filled_and_said(bpy, plate, extension):  # noqa: F811
         assert bpy.ops.gssmc.weak_frame(step=step) == {"FINISHED"}
         assert scene.frame_current == BAD_FRAME
     assert errors(bpy, extension, scene, plate[1], FRAMES)[:, 0].max() < 0.03
+    curve = extension("gssmc_addon.plate.track.errors").read(scene.camera.data)
+    assert set(curve) == set(FRAMES) - {BAD_FRAME}
+    assert 0 < min(curve.values()) <= max(curve.values()) < 1
+    scene.frame_set(3)
+    assert data.frame_error_px == pytest.approx(curve[3])
+    picture = extension("gssmc_addon.plate.track.errors").drawn({**curve, 8: 4.0})
+    assert (picture == (230, 90, 60)).all(-1).sum() > 20, "an error that is not good is red"
 
 
 def test_what_cannot_be_tracked_is_refused_and_nothing_keyed(bpy, plate):  # noqa: F811
@@ -53,3 +61,97 @@ def test_what_cannot_be_tracked_is_refused_and_nothing_keyed(bpy, plate):  # noq
     with pytest.raises(RuntimeError, match="begins at the frame that is shown, 7; go to one from 1 to 4"):
         track(bpy, start=1, end=4)
     assert scene.camera.animation_data is None
+
+
+def test_the_plate_without_its_distortion_goes_behind_the_camera(bpy, plate, extension, tmp_path):  # noqa: F811
+    scene = set_up(bpy, plate)
+    data, source = scene.camera.data, extension("gssmc_addon.plate.source")
+    shown = source.moving_photo(scene.camera)
+    photo = shown.frame_at(4).read()
+    lens = extension("gssmc_addon.camera.bridge").photo_intrinsics(scene, data, photo.width, photo.height)
+    assert bpy.ops.gssmc.undistort_plate(folder=str(tmp_path / "flat")) == {"FINISHED"}
+    files = sorted((tmp_path / "flat").iterdir())
+    assert [file.name for file in files] == [f"flat.{FIRST + k:04d}.png" for k in range(COUNT)]
+    wanted = extension("core.photos.undistort").undistorted(photo, lens).pixels
+    assert (cv2.imread(str(files[3]))[..., ::-1] == wanted).all()
+    slot = next(slot for slot in data.background_images if slot.show_background_image)
+    assert (slot.image, slot.image_user.frame_start) == (data.gssmc.undistorted, 1)
+    assert source.moving_photo(scene.camera) == shown, "the plate stays what is tracked"
+    with pytest.raises(RuntimeError, match="is there already"):
+        bpy.ops.gssmc.undistort_plate(folder=str(tmp_path / "flat"))
+
+
+def places(camera):
+    """Where the keys of the camera's location stand, by frame."""
+    strips = [s for layer in camera.animation_data.action.layers for s in layer.strips]
+    curves = [c for s in strips for c in s.channelbag(camera.animation_data.action_slot).fcurves if c.data_path == "location"]
+    return {int(points[0].co.x): [p.co.y for p in points] for points in zip(*(c.keyframe_points for c in curves), strict=True)}
+
+
+@pytest.mark.main_only
+def test_a_range_is_tracked_anew_and_the_rest_stays(bpy, plate, extension):  # noqa: F811
+    scene = set_up(bpy, plate)
+    assert track(bpy) == {"FINISHED"}
+    camera, before = scene.camera, places(scene.camera)
+    for frame in (4, 5, 6):
+        scene.frame_set(frame)
+        camera.location.x += 0.02
+        camera.keyframe_insert("location", frame=frame)
+    scene.frame_set(5)
+    assert track(bpy, start=4, end=6) == {"FINISHED"}
+    after = places(camera)
+    assert {f: after[f] for f in FRAMES if not 4 <= f <= 6} == {f: before[f] for f in FRAMES if not 4 <= f <= 6}
+    assert errors(bpy, extension, scene, plate[1], (4, 5, 6))[:, 0].max() < 0.01
+    data = camera.data.gssmc
+    assert (data.verdict, data.frames_done, data.weak_frames) == ("TRUSTED", COUNT, "")
+    for frame in FRAMES:
+        scene.frame_set(frame)
+        assert extension("gssmc_addon.camera.solution").change(scene, camera) == ""
+
+
+@pytest.mark.main_only
+def test_a_pinned_frame_is_held_exactly(bpy, plate, extension):  # noqa: F811
+    scene = set_up(bpy, plate)
+    camera = scene.camera
+    assert track(bpy) == {"FINISHED"}
+    scene.frame_set(5)
+    camera.location.x += 0.02
+    assert bpy.ops.gssmc.pin_frame() == {"FINISHED"}
+    assert kinds(camera)[5] == "EXTREME"
+    pinned = places(camera)[5]
+    scene.frame_set(1)
+    assert track(bpy) == {"FINISHED"}
+    assert kinds(camera)[5] == "EXTREME"
+    assert places(camera)[5] == pytest.approx(pinned, abs=1e-5)
+    assert errors(bpy, extension, scene, plate[1], (1, 3, 7, 9))[:, 0].max() < 0.01
+    assert "5" in camera.data.gssmc.weak_frames.split(), "a camera that is off is told, also where the user set it"
+    scene.frame_set(5)
+    assert bpy.ops.gssmc.pin_frame() == {"FINISHED"}
+    assert (camera.data.gssmc.pinned_frames, kinds(camera)[5]) == ("", "KEYFRAME")
+
+
+def test_the_camera_goes_to_other_programs(bpy, plate, extension, tmp_path):  # noqa: F811
+    """Nuke's .chan as its place and field of view say, and Alembic, which Blender itself writes and reads."""
+    scene = set_up(bpy, plate)
+    assert track(bpy, start=1, end=3) == {"FINISHED"}
+    file = tmp_path / "shot.chan"
+    assert bpy.ops.gssmc.export_cameras(filepath=str(file), format="CHAN") == {"FINISHED"}
+    rows = np.loadtxt(file)
+    assert rows[:, 0].tolist() == [1, 2, 3]
+    truths = plate[1]
+    np.testing.assert_allclose(rows[:, 1:4], [truth.pose.centre for truth in truths[:3]], atol=0.02)
+    assert np.radians(rows[0, 7]) == pytest.approx(2 * np.arctan(rooms.HEIGHT / (2 * truths[0].intrinsics.fy)), rel=1e-3)
+    camera = scene.camera
+    camera.select_set(True)
+    abc = tmp_path / "shot.abc"
+    bpy.ops.wm.alembic_export(filepath=str(abc), start=1, end=3, selected=True)
+    wanted = []
+    for frame in (1, 2, 3):
+        scene.frame_set(frame)
+        wanted.append(np.array(camera.matrix_world))
+    known = set(bpy.data.objects)
+    bpy.ops.wm.alembic_import(filepath=str(abc), as_background_job=False)
+    came = next(o for o in bpy.data.objects if o not in known and o.type == "CAMERA")
+    for frame, matrix in zip((1, 2, 3), wanted, strict=True):
+        scene.frame_set(frame)
+        np.testing.assert_allclose(np.array(came.matrix_world), matrix, atol=1e-4)

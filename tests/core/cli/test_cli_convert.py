@@ -1,13 +1,15 @@
 """`convert`, and nerfstudio's two worlds: a splat keeps its place in the picture when it and the cameras move together."""
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from dataset_files import put
 
 from core.cameras import read, starts
-from core.cameras.files import read_cameras, read_starts, write_cameras
+from core.cameras.files import camera_to_dict, read_cameras, read_starts, write_cameras
 from core.cameras.nerfstudio import write_transforms
 from core.cameras.training_world import read_training_world
 from core.cli.main import main
@@ -100,3 +102,51 @@ ROWS = np.column_stack([TURN, SHIFT])
 def test_a_damaged_world_file_is_refused(tmp_path, data):
     with pytest.raises(DatasetError, match="dataparser_transforms"):
         read_training_world(put(tmp_path / "dataparser_transforms.json", json.dumps(data)))
+
+
+def track_file(tmp_path, files):
+    """A track of the cameras, at the frames 1001 and on."""
+    records = [
+        {**camera_to_dict(replace(c, file=f)), "frame": 1001 + i} for i, (c, f) in enumerate(zip(CAMERAS, files, strict=True))
+    ]
+    return put(tmp_path / "t.json", json.dumps({"frames": records}))
+
+
+SEQUENCE = [f"/plates/shot.{1001 + i}.exr" for i in range(3)]
+
+
+@pytest.mark.parametrize("files", [SEQUENCE, 3 * ["/plates/shot.mov"]], ids=["sequence", "movie"])
+@pytest.mark.parametrize("out", ["transforms.json", "c.txt", "model"])
+def test_a_track_goes_into_every_layout_with_a_picture_for_each_frame(tmp_path, capsys, files, out):
+    code, said = run(capsys, track_file(tmp_path, files), tmp_path / out)
+    assert code == 0
+    frames = read(tmp_path / out).frames
+    for frame, camera, file in zip(frames, CAMERAS, files, strict=True):
+        np.testing.assert_allclose(frame.pose.t, camera.pose.t, atol=1e-9)
+        assert frame.name.endswith(Path(file).name) or "The frames of the movie are named 'shot.1001.png'" in said
+    assert len({frame.name for frame in frames}) == 3
+    if out == "transforms.json":
+        assert "transform_matrix" in json.loads((tmp_path / out).read_text())["frames"][0]
+
+
+@pytest.mark.parametrize("files", [SEQUENCE, 3 * ["/plates/shot.mov"]], ids=["sequence", "movie"])
+def test_a_track_goes_into_a_chan_file(tmp_path, capsys, files):
+    code, said = run(capsys, track_file(tmp_path, files), tmp_path / "a.chan")
+    assert code == 0 and "A .chan file does not hold the distortion" in said
+    lines = np.loadtxt(tmp_path / "a.chan")
+    assert lines[:, 0].tolist() == [1001, 1002, 1003]
+    np.testing.assert_allclose(lines[:, 1:4], [camera.pose.centre for camera in CAMERAS], atol=1e-7)
+
+
+def test_cameras_of_no_frames_make_no_chan_file(tmp_path, capsys):
+    write_cameras(tmp_path / "a.json", [replace(camera, file="photo.jpg") for camera in CAMERAS[:1]])
+    code, said = run(capsys, tmp_path / "a.json", tmp_path / "a.chan")
+    assert code == 2 and "are not those of numbered frames" in said
+
+
+def test_transforms_json_is_nerfstudios_unless_it_is_said_otherwise(tmp_path, capsys):
+    write_cameras(tmp_path / "a.json", CAMERAS)
+    assert run(capsys, tmp_path / "a.json", tmp_path / "transforms.json")[0] == 0
+    assert "fl_x" in json.loads((tmp_path / "transforms.json").read_text())
+    assert run(capsys, tmp_path / "a.json", tmp_path / "transforms.json", "--to", "json")[0] == 0
+    assert "R" in json.loads((tmp_path / "transforms.json").read_text())["frames"][0]

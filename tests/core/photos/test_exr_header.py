@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from core.photos.exr import pixel_aspect
+from core.photos.containers.exr_header import pixel_aspect
 from core.photos.lens_guess import guess_lens
 from core.photos.linear import photo_from_linear
 

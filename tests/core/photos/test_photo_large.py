@@ -12,8 +12,10 @@ from core.errors import PhotoError
 from core.geometry.camera import Intrinsics
 from core.photos import sensors
 from core.photos import size as photo_size
-from core.photos.linear import photo_from_linear, srgb
-from core.photos.photo import check_size, read_photo
+from core.photos.containers.light import srgb
+from core.photos.containers.openexr import write_exr
+from core.photos.linear import photo_from_linear
+from core.photos.photo import check_size, photo_facts, read_photo
 from core.photos.size import picture_size, reduction
 
 
@@ -143,9 +145,34 @@ def test_the_table_is_sane():
     assert all(4 < width <= 36 for width in sensors.MODELS_BY_WIDTH_MM)
 
 
-def test_an_exr_is_told_apart(put):
-    with pytest.raises(PhotoError, match="is an OpenEXR picture, which only Add Photo in Blender reads"):
+def test_a_damaged_exr_is_one_sentence(put):
+    with pytest.raises(PhotoError, match=r"'a\.exr' is no whole OpenEXR file"):
         read_photo(put(b"\x76\x2f\x31\x01" + bytes(100), "a.exr"))
+
+
+LIGHT = np.linspace(0, 4, 1200, dtype=np.float32).reshape(20, 60)
+
+
+@pytest.mark.parametrize("prefix", ["", "beauty."])
+def test_the_light_of_an_exr_file_is_that_of_the_same_pixels(tmp_path, prefix):
+    planes = {"R": LIGHT, "G": LIGHT[::-1], "B": LIGHT[:, ::-1]}
+    write_exr(tmp_path / "a.exr", {prefix + name: plane for name, plane in planes.items()} | {"depth.Z": LIGHT})
+    photo = read_photo(tmp_path / "a.exr")
+    wanted = photo_from_linear(np.stack([*planes.values(), np.ones_like(LIGHT)], axis=2))
+    np.testing.assert_array_equal(photo.pixels, wanted.pixels)
+    assert photo.mask is None and photo.file.endswith("a.exr")
+    facts = photo_facts(tmp_path / "a.exr")
+    assert (facts.width, facts.height, facts.focal_35mm) == (60, 20, None)
+
+
+def test_an_exr_file_of_one_grey_channel_is_grey_and_one_without_colour_says_so(tmp_path):
+    write_exr(tmp_path / "y.exr", {"Y": LIGHT, "A": (LIGHT > 1).astype(np.float32)})
+    photo = read_photo(tmp_path / "y.exr")
+    assert (photo.pixels == photo.pixels[..., :1]).all()
+    np.testing.assert_array_equal(photo.mask, LIGHT > 1)
+    write_exr(tmp_path / "z.exr", {"Z": LIGHT})
+    with pytest.raises(PhotoError, match=r"'z\.exr' has the channels Z; a picture has R, G and B, or Y"):
+        read_photo(tmp_path / "z.exr")
 
 
 def test_linear_light_is_exposed_and_encoded():

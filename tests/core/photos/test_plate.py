@@ -2,13 +2,15 @@
 
 import base64
 import zlib
+from fractions import Fraction
 
 import cv2
 import numpy as np
 import pytest
 
 from core.errors import PhotoError
-from core.photos.plate import Plate, open_plate
+from core.photos.frame_rate import movie_frame_rate
+from core.photos.plate import Plate, behind_gaps, open_plate
 
 
 def write_frames(folder, numbers, pattern="shot_v2.{:04d}.png"):
@@ -44,6 +46,22 @@ def test_a_movie_gives_each_frame_by_its_number(tmp_path, suffix, code):
     for number in (0, 31, -5):
         with pytest.raises(PhotoError, match="no frame"):
             plate.read(number)
+
+
+def test_a_movie_tells_its_speed_and_the_shape_of_its_pixels(tmp_path):
+    """In the YUV4MPEG2 format, whose header is text."""
+    grey, colour = bytes([90]) * (64 * 48), bytes([128]) * (64 * 48 // 2)
+    (tmp_path / "a.y4m").write_bytes(b"YUV4MPEG2 W64 H48 F24000:1001 Ip A2:1 C420jpeg\n" + 3 * (b"FRAME\n" + grey + colour))
+    plate, first, last = open_plate(tmp_path / "a.y4m")
+    assert (first, last) == (1, 3)
+    assert movie_frame_rate(plate.path) == Fraction(24000, 1001)
+    assert plate.read(2).pixel_aspect == 2.0
+
+
+def test_two_sequences_in_one_folder_are_two_plates(tmp_path):
+    one, two = write_frames(tmp_path, [1001, 1002], "a_{:04d}.png"), write_frames(tmp_path, [1001, 1002, 1003], "b_{:04d}.png")
+    assert open_plate(one)[1:] == (1001, 1002) and open_plate(two)[1:] == (1001, 1003)
+    assert open_plate(two)[0].file(1002).name == "b_1002.png" and not behind_gaps(*open_plate(one))
 
 
 def test_what_is_no_plate_is_refused_in_a_sentence(tmp_path):

@@ -17,7 +17,7 @@ from core.errors import PhotoError
 from core.geometry.camera import Camera, Pose
 from core.geometry.pinhole_cut import WideCamera
 from core.geometry.wide_lens import WideLens
-from core.pictures.exr import read_exr, write_exr
+from core.photos.containers.openexr import read_exr, write_exr
 from core.pictures.stmap import distort_map, read_stmap, straight_lens, through_map, undistort_map, write_stmap
 
 

@@ -12,7 +12,9 @@ from core.pose.final.joint import JointProblem, fit_joint
 from core.pose.final.reprojection import reproject
 from core.pose.shared.lens import CALIBRATED_STD, GUESS_STD, CameraUnknowns, LensPrior, lens_difference, moved_lens
 from core.track.evidence import LENS, ROWS, XI, evidence_of
-from core.track.shot import Link, ShotProblem, motions, solve_shot
+from core.track.focal import CHANGES, grown
+from core.track.problem import Link, ShotProblem
+from core.track.shot import motions, solve_shot
 
 GIVEN = LensPrior(CAMERA, CALIBRATED_STD, "calibrated")
 DEPTH = 3.5
@@ -111,6 +113,60 @@ def test_one_lens_is_solved_for_the_shot():
 def test_a_calibrated_lens_stays():
     problem, _ = shot()
     assert not solve_shot(problem).lens_step.any() and not solve_shot(problem).lens_std.any()
+
+
+def zooming(frame):
+    """The logarithm of the focal length over CAMERA's: a zoom to 1.3 times that starts and stops smoothly."""
+    share = np.clip((frame - 4) / 24, 0, 1)
+    return np.log(1.3) * share * share * (3 - 2 * share)
+
+
+def test_a_zoom_is_solved_as_a_smooth_curve_through_what_single_frames_know():
+    """Each frame is fitted with its own focal length, as a walk does it, and from one that is some per mille off."""
+    rng, count = np.random.default_rng(4), 32
+    truth = {f: path(f) for f in range(count)}
+    ties, poses, grow = {}, {}, {}
+    for frame, pose in truth.items():
+        fit = tied_zoom(rng, pose, grown(CAMERA, zooming(frame)), grown(CAMERA, zooming(frame) + 0.005 * rng.normal()))
+        ties[frame], poses[frame] = evidence_of(fit, CAMERA.height), fit.camera.pose
+        grow[frame] = float(np.log(fit.camera.intrinsics.focal / CAMERA.focal))
+    problem = ShotProblem(poses, ties, [], CAMERA, GIVEN, False, False, CHANGES["zoom"], grow, {0: 0.0})
+    solution = solve_shot(problem)
+    off = np.array([solution.grow(f) - zooming(f) for f in truth])
+    single = np.array([grow[f] - zooming(f) for f in truth])
+    assert np.sqrt((off**2).mean()) < 0.7 * np.sqrt((single**2).mean())
+    std = np.array([solution.curve.std(f) for f in truth])
+    assert (np.abs(off) < 4 * std).all() and std[0] < 3e-4 and std.max() < 0.002
+    errors = np.array([pose_error(solution.poses[f], truth[f])[0] for f in truth])
+    before = np.array([pose_error(poses[f], truth[f])[0] for f in truth])
+    assert np.sqrt((errors**2).mean()) < 0.8 * np.sqrt((before**2).mean())
+
+
+def tied_zoom(rng, truth, lens, expected):
+    """As `tied`, of a frame that `lens` took, fitted from the lens `expected` with the focal length free."""
+    points = world(rng, offset=truth.centre)
+    matches = make_matches(rng, truth, truth, points, 0.0, reference=True)
+    pixels = lens.project(np.column_stack([matches.query, np.ones(len(matches))]))
+    query = expected.normalise(pixels + 0.5 * rng.normal(size=pixels.shape))
+    prior = replace(GIVEN, lens=expected, std=GUESS_STD)
+    problem = JointProblem.of([replace(matches, query=query)], expected, prior, (0,))
+    return fit_joint(CameraUnknowns(truth, expected), problem, "joint")
+
+
+def test_a_pinned_frame_stays_to_the_last_digit_and_draws_its_neighbours_along_its_links():
+    problem, truth = shot(noise=0.5)
+    rng, links = np.random.default_rng(5), []
+    for a in range(len(truth) - 1):
+        before, after = problem.poses[a], truth[a + 1] @ truth[a].inverse() @ problem.poses[a]
+        carried = make_matches(rng, after, before, world(rng, offset=before.centre), 0.03, reference=True)
+        fit = fit_joint(CameraUnknowns(after, CAMERA), JointProblem.of([carried], CAMERA, GIVEN), "joint")
+        links.append(Link(a, a + 1, relinked(fit, problem.poses[a + 1])))
+    free = replace(problem, links=links)
+    wanted = se3_exp(np.array([0.01, 0, 0, 0, 0.001, 0])) @ truth[8]
+    pinned = solve_shot(replace(free, pinned={8: wanted}))
+    assert pose_error(pinned.poses[8], wanted) < (1e-12, 1e-9)
+    moved = [pose_error(pinned.poses[f], solve_shot(free).poses[f])[0] for f in (7, 0)]
+    assert moved[0] > 0.001 > moved[1], "the links hand it on, and less and less of it"
 
 
 def test_links_take_out_the_noise_of_single_frames():

@@ -10,4 +10,4 @@ context: types.Context
 data: types.BlendData
 ops: Any
 path: Any
-utils: Any
+from . import utils as utils

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from .size import EXR_SIGNATURE
+from ..size import EXR_SIGNATURE
 
 HEADER_BYTES = 1 << 16
 VERSION_BYTES, LONGEST_NAME = 8, 255

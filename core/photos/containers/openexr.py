@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import PhotoError
-from ..support.atomic import atomic_write
+from ...errors import PhotoError
+from ...support.atomic import atomic_write
 
 Channel = NDArray[np.float32]
 Box = tuple[int, int, int, int]  # left, top, right, bottom, the last two included
@@ -79,13 +79,34 @@ def read_exr(path: Path) -> dict[str, Channel]:
         data = path.read_bytes()
     except OSError as error:
         raise PhotoError(f"'{path}' cannot be read ({error.strerror}); check the path.") from error
+    return channels_of(data, path.name)
+
+
+def channels_of(data: bytes, name: str) -> dict[str, Channel]:
+    """As `read_exr`, of the content of the file `name`. Raises PhotoError."""
     try:
         header = _header(data)
         return _pixels(data, header)
     except _UnreadError as error:
-        raise PhotoError(f"'{path.name}' {error}.") from None
+        raise PhotoError(f"'{name}' {error}.") from None
     except (struct.error, ValueError, IndexError, KeyError, OverflowError, zlib.error, UnicodeDecodeError):
-        raise PhotoError(f"'{path.name}' is no whole OpenEXR file; write it again.") from None
+        raise PhotoError(f"'{name}' is no whole OpenEXR file; write it again.") from None
+
+
+def read_light(data: bytes, name: str) -> Channel:
+    """Red, green, blue and alpha (H, W, 4) float32 of a file's content, grey as all three, without alpha 1. Of a file of layers
+    the one that is named first. Raises PhotoError.
+    """
+    channels = channels_of(data, name)
+    for colours in ("RGB", "YYY"):
+        layers = [found[: -len(colours[0])] for found in channels if found == colours[0] or found.endswith("." + colours[0])]
+        layers = [layer for layer in layers if all(layer + c in channels for c in colours)]
+        if layers:
+            layer = min(layers, key=lambda one: (one != "", list(channels).index(one + colours[0])))
+            planes = [channels[layer + c] for c in colours]
+            alpha = channels.get(layer + "A")
+            return np.stack([*planes, np.ones_like(planes[0]) if alpha is None else alpha], axis=2)
+    raise PhotoError(f"'{name}' has the channels {', '.join(channels)}; a picture has R, G and B, or Y.")
 
 
 class _UnreadError(ValueError):

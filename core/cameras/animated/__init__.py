@@ -1,0 +1,1 @@
+"""Files of one camera that moves, frame by frame."""

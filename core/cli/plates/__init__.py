@@ -1,0 +1,1 @@
+"""What `track` does: one plate, or several after each other."""
