@@ -12,6 +12,7 @@ from mathutils import Matrix
 
 from ...core.errors import SplatFormatError
 from ..support.texts import rpt_
+from . import bridge as camera_bridge
 from . import channels as camera_channels
 from . import keys as camera_keys
 
@@ -71,8 +72,16 @@ def _belongs(scene: bpy.types.Scene, splat: bpy.types.Object, obj: bpy.types.Obj
 
 
 def _moved(camera: bpy.types.Object, motion: Matrix) -> Matrix:
-    """The camera's matrix after the motion, its own scale as it is: a camera has no size."""
-    place, turn, scale = camera.matrix_world.decompose()
+    """The camera's matrix after the motion, its own scale as it is: a camera has no size. Blender evaluates no camera that is
+    disabled in viewports or in an excluded collection, hence it is computed from its own channels where they tell it.
+    """
+    parent = camera.parent
+    if parent is None or camera.parent_type == "OBJECT":
+        world = camera_bridge.world_matrix(parent) @ camera.matrix_parent_inverse if parent else Matrix.Identity(4)
+        now = world @ camera.matrix_basis
+    else:
+        now = camera.matrix_world
+    place, turn, scale = now.decompose()
     return Matrix.LocRotScale(motion @ place, motion.to_quaternion() @ turn, scale)
 
 
@@ -87,6 +96,8 @@ def _move(scene: bpy.types.Scene, camera: bpy.types.Object, motion: Matrix) -> N
     poses = []
     for frame in frames:  # All poses are read before any is written, because a new key changes the frames up to the next one.
         scene.frame_set(int(frame // 1), subframe=frame % 1)
+        for curve in curves:  # Of a camera that Blender does not evaluate, it does not move along either.
+            getattr(camera, curve.data_path)[curve.array_index] = curve.evaluate(frame)
         poses.append(_moved(camera, motion))
     rotation, last = camera_channels.rotation_path(camera), None
     for frame, pose in zip(frames, poses, strict=True):

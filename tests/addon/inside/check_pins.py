@@ -296,6 +296,11 @@ def test_three_points_become_the_floor_and_cameras_keys_and_children_go_along(bp
         camera.location.x = x
         camera.keyframe_insert("location", frame=frame)
         camera.keyframe_insert("rotation_euler", frame=frame)
+    hidden = camera.copy()
+    hidden.data = camera.data.copy()
+    hidden.animation_data.action = camera.animation_data.action.copy()
+    scene.collection.objects.link(hidden)
+    hidden.hide_viewport = True  # Blender does not evaluate it
     child = bpy.data.objects.new("proxy", bpy.data.meshes.new("proxy"))
     scene.collection.objects.link(child)
     child.parent = splat
@@ -315,6 +320,10 @@ def test_three_points_become_the_floor_and_cameras_keys_and_children_go_along(bp
         scene.frame_set(frame)
         np.testing.assert_allclose(in_splat(scene, camera), place, atol=1e-5)
     np.testing.assert_allclose(in_splat(scene, child), below, atol=1e-6)
+    hidden.hide_viewport = False
+    for frame, place in zip((1, 11), places, strict=True):
+        scene.frame_set(frame)
+        np.testing.assert_allclose(in_splat(scene, hidden), place, atol=1e-5)
     with pytest.raises(RuntimeError, match="one line"):
         bpy.ops.gssmc.set_floor(method="POINTS", points=(0, 0, 0, 1, 0, 0, 2, 0, 0))
 
