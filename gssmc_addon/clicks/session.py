@@ -59,8 +59,7 @@ class ClickSession(ClickMixin):
             if slot.active() or self.splat(context) is None or not self._is_here(context):
                 return self._end(context, keep=True)  # A job began, or another file, splat or screen is there.
             if event.type == "TIMER":
-                self._prepare()
-                return {"PASS_THROUGH"}
+                return self._prepare(context)
             if event.type in PASSED or not self.is_inside(event):
                 return self.on_event(context, event) if self.holds(event) else {"PASS_THROUGH"}
             return self.on_event(context, event)
@@ -115,16 +114,18 @@ class ClickSession(ClickMixin):
         if self._area is not None:
             self._area.tag_redraw()
 
-    def _prepare(self) -> None:
+    def _prepare(self, context: bpy.types.Context) -> set[str]:
+        """Goes on with the surface; where there is none to be had, the session ends."""
         if self._job is None:
-            return
+            return {"PASS_THROUGH"}
         try:
             found = self._job.tick()
-        except GssmcError:
-            self._job = None
-            raise
+        except GssmcError as error:
+            self.report({"ERROR"}, str(error))
+            return self._end(context, keep=False)
         if found is not None:
             self._surface, self._job = found, None
+        return {"PASS_THROUGH"}
 
     def _is_here(self, context: bpy.types.Context) -> bool:
         areas = context.window.screen.areas if context.window else ()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 
+from ...core.geometry.camera import Intrinsics
 from ..camera import bridge as camera_bridge
 from ..photo import image as photo_image
 from ..viewport.front import border_of
@@ -15,12 +16,13 @@ from ..viewport.front import border_of
 @dataclass(frozen=True)
 class PhotoOnScreen:
     """A photo of `size` (width, height) pixels between `low` and `high`, its lower left and upper right corner in pixels of the
-    region, which are counted from below.
+    region, which are counted from below. `bent`: the photo's lens, where its undistorted copy is shown; None where itself is.
     """
 
     size: tuple[int, int]
     low: tuple[float, float]
     high: tuple[float, float]
+    bent: Intrinsics | None = None
 
     @classmethod
     def fitted(cls, size: tuple[int, int], pixel: float, border: np.ndarray, region: tuple[int, int]) -> PhotoOnScreen:
@@ -44,18 +46,24 @@ class PhotoOnScreen:
             return None
         border = border_of(scene, camera.data, view.window_matrix)
         pixel = camera_bridge.photo_pixel(camera.data, camera_bridge.read_lens(scene, camera.data))
-        return cls.fitted(size, pixel, border, (region.width, region.height))
+        photo = cls.fitted(size, pixel, border, (region.width, region.height))
+        copy = camera.data.gssmc.undistorted
+        if copy is None or not any(b.image == copy and b.show_background_image for b in camera.data.background_images):
+            return photo
+        return replace(photo, bent=camera_bridge.photo_intrinsics(scene, camera.data, *size))
 
     def to_region(self, pixel: tuple[float, float]) -> tuple[float, float]:
         """The place in the region of a pixel of the photo, which are counted from above."""
         (x0, y0), (x1, y1), (width, height) = self.low, self.high, self.size
+        if self.bent is not None:
+            pixel = tuple(self.bent.undistort([pixel])[0].tolist())
         return x0 + pixel[0] / width * (x1 - x0), y1 - pixel[1] / height * (y1 - y0)
 
     def to_photo(self, place: tuple[float, float]) -> tuple[float, float]:
         """The pixel of the photo at a place in the region."""
         (x0, y0), (x1, y1), (width, height) = self.low, self.high, self.size
-        return (place[0] - x0) / (x1 - x0) * width, (y1 - place[1]) / (y1 - y0) * height
-
-    def holds(self, pixel: tuple[float, float]) -> bool:
-        """Whether a pixel lies in the photo."""
-        return 0 <= pixel[0] <= self.size[0] and 0 <= pixel[1] <= self.size[1]
+        x, y = (place[0] - x0) / (x1 - x0) * width, (y1 - place[1]) / (y1 - y0) * height
+        if self.bent is not None:
+            ideal = self.bent.pinhole().normalise([(x, y)])
+            x, y = self.bent.to_pixels(self.bent.distort_normalised(ideal))[0].tolist()
+        return x, y

@@ -275,6 +275,11 @@ def test_what_is_drawn_of_pins_lies_on_the_photo(bpy, session, extension):
     wide = screen.PhotoOnScreen.fitted((60, 90), 1.0, np.array([[0.1, 0.1], [0.9, 0.9]]), (1000, 900))
     assert wide.to_photo(wide.to_region((7, 80))) == (pytest.approx(7), pytest.approx(80))
     assert (wide.low[1], wide.high[1]) == (90, 810) and wide.low[0] == 500 - 240
+    lens = extension("core.geometry.camera").Intrinsics(60, 90, 70, 70, 31, 44, (-0.2, 0.05, 0.001, 0.0, 0.0))
+    bent = screen.PhotoOnScreen((60, 90), (0, 0), (600, 900), lens)
+    assert bent.to_photo(bent.to_region((5, 8))) == (pytest.approx(5, abs=1e-6), pytest.approx(8, abs=1e-6))
+    x, y = lens.undistort([(5, 8)])[0]
+    assert bent.to_region((5, 8)) == (pytest.approx(10 * x), pytest.approx(900 - 10 * y))
     layout = Layout()
     extension("gssmc_addon.pins.panel").GSSMC_PT_pins.draw(
         SimpleNamespace(layout=layout), SimpleNamespace(scene=session.scene, region=SimpleNamespace(width=900))
