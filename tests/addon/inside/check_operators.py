@@ -39,6 +39,19 @@ def test_cancel_stops_the_running_job(bpy, extension, scene):
     assert bpy.ops.gssmc.refine.poll()
 
 
+def test_pins_floor_and_scale_work(bpy, scene):
+    """check_pins says what they do, in one Blender."""
+    for x, y, z in ((-1, -1, 0), (1, -1, 1), (0, 1, 0.5)):
+        assert bpy.ops.gssmc.add_pin(photo_x=30 + 9 * x, photo_y=45 - 9 * y, world=(x, y, z)) == {"FINISHED"}
+    assert bpy.ops.gssmc.solve_pins() == {"FINISHED"}
+    assert bpy.ops.gssmc.place_by_pins() == {"FINISHED"}
+    assert scene.camera.data.gssmc.verdict == "PINNED"
+    assert bpy.ops.gssmc.remove_pin() == {"FINISHED"}
+    assert bpy.ops.gssmc.set_floor(method="POINTS", points=(0, 0, 1, 1, 0, 1, 0, 1, 1)) == {"FINISHED"}
+    assert bpy.ops.gssmc.set_scale(points=(0, 0, 0, 1, 0, 0), distance=2.0) == {"FINISHED"}
+    assert tuple(scene.gssmc.splat.matrix_world.to_scale()) == pytest.approx((2, 2, 2))
+
+
 def complaint(bpy):
     """The line that a refinement which cannot begin leaves in the panel."""
     with pytest.raises(RuntimeError):

@@ -15,6 +15,7 @@ LONGEST = (
     "check_docs",
     "check_fox",
     "check_photos",
+    "check_pins",
     "check_preview",
     "check_refine",
     "check_sample",
