@@ -8,6 +8,7 @@ from ..operators import (
     add_photo,
     add_photo_folder,
     add_photos,
+    add_pin,
     add_plate,
     back_to_solution,
     camera_from_view,
@@ -20,21 +21,30 @@ from ..operators import (
     import_cameras,
     import_splats,
     look,
+    look_through_card,
     make_proxy,
     match_resolution,
     models,
     pin_frame,
+    place_by_pins,
     preview,
     refine,
     refine_all,
     refine_sequence,
+    remove_composite,
     remove_photo,
+    remove_pin,
+    render_splat,
     report_problem,
     reset_settings,
     review,
     same_lens,
+    set_floor,
     set_mask,
     set_masks,
+    set_scale,
+    set_up_composite,
+    solve_pins,
     track_plate,
     undistort_photo,
     undistort_plate,
@@ -42,9 +52,14 @@ from ..operators import (
     weak_frame,
 )
 from .camera import frame as camera_frame
+from .composite import panel as composite_panel
+from .floor import panel as floor_panel
 from .headless import command as cli
 from .jobs import slot
+from .look import cards
 from .photo import panel as photo_panel
+from .pins import marks
+from .pins import panel as pins_panel
 from .plate import panel as plate_panel
 from .plate.track import plot as frame_plot
 from .preview import flicker
@@ -73,6 +88,7 @@ _class_modules = (
     set_mask,
     set_masks,
     look,
+    look_through_card,
     drag_wipe,
     preview,
     import_cameras,
@@ -91,12 +107,24 @@ _class_modules = (
     refine_sequence,
     pin_frame,
     weak_frame,
+    add_pin,
+    remove_pin,
+    solve_pins,
+    place_by_pins,
+    set_floor,
+    set_scale,
     make_proxy,
+    set_up_composite,
+    remove_composite,
+    render_splat,
     panels,
+    pins_panel,
     photo_panel,
     preview_panel,
     plate_panel,
+    floor_panel,
     proxy_panel,
+    composite_panel,
     menus,
 )
 _cli_commands: list[object] = []
@@ -113,6 +141,8 @@ def register() -> None:
     slot.register()
     camera_frame.register()
     viewport.register()
+    cards.register()
+    marks.register()
     preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
@@ -120,6 +150,8 @@ def register() -> None:
 def unregister() -> None:
     slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
+    cards.unregister()
+    marks.unregister()
     viewport.unregister()
     camera_frame.unregister()
     flicker.unregister()

@@ -10,8 +10,19 @@ from pathlib import Path
 
 MAIN = (5, 2)
 BLENDERS = ((4, 5), MAIN, (5, 3))
-LONGEST = ("check_docs", "check_fox", "check_photos", "check_preview", "check_refine", "check_sample", "check_texts")
-LONGEST += ("check_proxy", "check_who_draws")
+LONGEST = (
+    "check_composite",
+    "check_docs",
+    "check_fox",
+    "check_photos",
+    "check_pins",
+    "check_preview",
+    "check_proxy",
+    "check_refine",
+    "check_sample",
+    "check_texts",
+)
+LONGEST += ("check_who_draws",)
 SINCE = {"check_native": (5, 3)}  # splats of Blender's own
 
 ALL = sorted(Path(__file__).parent.glob("check_*.py"))
