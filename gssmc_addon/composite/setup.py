@@ -52,7 +52,7 @@ class CompositeShot:
 def set_up(scene: bpy.types.Scene, lens_on: str = BEND, behind: str = PHOTO) -> list[str]:
     """Sets the scene up for its camera, anew where a composite is there already. Returns sentences for the artist.
 
-    Raises CameraError or PhotoError, with nothing changed, when camera, photo or solution is missing.
+    Raises CameraError or PhotoError, with nothing changed, when camera or photo is missing.
     """
     shot = check(scene, lens_on, behind)
     if scene.gssmc.composite.is_set_up:
@@ -74,8 +74,10 @@ def set_up(scene: bpy.types.Scene, lens_on: str = BEND, behind: str = PHOTO) -> 
 
 def _apply(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite) -> list[str]:
     """Makes every change. Returns sentences for the artist."""
-    shown = look.of_scene(scene)
-    notes = _set_frame(scene, shot, kept)
+    shown, notes = look.of_scene(scene), []
+    if shot.plate.frames is None and not shot.camera.data.gssmc.solution:
+        notes.append(rpt_('The camera "{name}" was not solved here; its place is a file\'s, or yours.', name=shot.camera.name))
+    notes += _set_frame(scene, shot, kept)
     by_depth = shot.plate.frames is not None and not stage.used_proxies(scene)
     notes += stage.set_stage(scene, kept, shot.plate.frames is not None)
     notes += look.make_plain(scene)
@@ -99,10 +101,6 @@ def check(scene: bpy.types.Scene, lens_on: str, behind: str = PHOTO) -> Composit
 
 def _check_photo(scene: bpy.types.Scene, camera: bpy.types.Object, lens_on: str) -> CompositeShot:
     behind = plate.of_camera(scene, camera)
-    if not camera.data.gssmc.solution:
-        raise CameraError(
-            rpt_('The camera "{name}" is not solved yet; use Find Camera or Refine Camera first.', name=camera.name)
-        )
     straightens = lens_on == STRAIGHTEN and behind.lens.has_distortion
     if not straightens and behind.lens.has_distortion and not camera_channels.is_lens_writable(camera.data):
         raise CameraError(

@@ -112,9 +112,11 @@ def refusal(bpy):
     return str(caught.value)
 
 
-def test_a_composite_needs_a_camera_a_photo_and_a_solution(bpy, extension, scene):
+def test_a_composite_needs_a_camera_and_a_photo_and_says_where_nothing_was_solved(bpy, extension, scene):
     before = shots.everything(bpy, scene)
-    assert "not solved yet" in refusal(bpy)
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    assert "was not solved here" in bpy.context.window_manager.gssmc.message
+    assert bpy.ops.gssmc.remove_composite() == {"FINISHED"}
     assert shots.everything(bpy, scene) == before
     camera, photo = scene.camera, scene.camera.data.gssmc.photo
     camera.data.gssmc.photo = None
