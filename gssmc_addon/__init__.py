@@ -21,6 +21,7 @@ from ..operators import (
     import_cameras,
     import_splats,
     look,
+    look_through_card,
     make_proxy,
     match_resolution,
     models,
@@ -30,8 +31,10 @@ from ..operators import (
     refine,
     refine_all,
     refine_sequence,
+    remove_composite,
     remove_photo,
     remove_pin,
+    render_splat,
     report_problem,
     reset_settings,
     review,
@@ -40,6 +43,7 @@ from ..operators import (
     set_mask,
     set_masks,
     set_scale,
+    set_up_composite,
     solve_pins,
     track_plate,
     undistort_photo,
@@ -48,9 +52,11 @@ from ..operators import (
     weak_frame,
 )
 from .camera import frame as camera_frame
+from .composite import panel as composite_panel
 from .floor import panel as floor_panel
 from .headless import command as cli
 from .jobs import slot
+from .look import cards
 from .photo import panel as photo_panel
 from .pins import marks
 from .pins import panel as pins_panel
@@ -82,6 +88,7 @@ _class_modules = (
     set_mask,
     set_masks,
     look,
+    look_through_card,
     drag_wipe,
     preview,
     import_cameras,
@@ -107,6 +114,9 @@ _class_modules = (
     set_floor,
     set_scale,
     make_proxy,
+    set_up_composite,
+    remove_composite,
+    render_splat,
     panels,
     pins_panel,
     photo_panel,
@@ -114,6 +124,7 @@ _class_modules = (
     plate_panel,
     floor_panel,
     proxy_panel,
+    composite_panel,
     menus,
 )
 _cli_commands: list[object] = []
@@ -131,6 +142,7 @@ def register() -> None:
     camera_frame.register()
     viewport.register()
     marks.register()
+    cards.register()
     preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
@@ -139,6 +151,7 @@ def unregister() -> None:
     slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
     marks.unregister()
+    cards.unregister()
     viewport.unregister()
     camera_frame.unregister()
     flicker.unregister()

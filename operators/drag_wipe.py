@@ -38,7 +38,7 @@ class GSSMC_OT_drag_wipe(bpy.types.Operator):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         own = context.window_manager.gssmc.preview
         if event.type == "MOUSEMOVE":
-            place = front.across_frame(context, (event.mouse_x, event.mouse_y))
+            place = front.across_picture(context, (event.mouse_x, event.mouse_y))
             if place is not None:
                 own.position = place
         elif event.type in ("LEFTMOUSE", "RET", "NUMPAD_ENTER") and event.value == "PRESS":

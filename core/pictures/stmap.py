@@ -48,9 +48,12 @@ def undistort_map(lens: Intrinsics | WideLens) -> Map:
     return _map(looks, (lens.width, lens.height), (k.width, k.height))
 
 
-def distort_map(lens: Intrinsics | WideLens) -> Map:
-    """Where each pixel of the photo looks in the undistorted picture; NOWHERE where that does not show it."""
-    k = straight_lens(lens)
+def distort_map(lens: Intrinsics | WideLens, straight: Intrinsics | None = None) -> Map:
+    """Where each pixel of the photo looks in the undistorted picture; NOWHERE where that does not show it.
+
+    `straight`: the pinhole of that picture; `straight_lens` gives it where there is none.
+    """
+    k = straight or straight_lens(lens)
 
     def looks(pixels: FloatArray) -> FloatArray:
         if isinstance(lens, WideLens):

@@ -85,8 +85,13 @@ def lens_frame(scene: bpy.types.Scene, data: bpy.types.Camera) -> tuple[int, int
 
 
 def read_lens(scene: bpy.types.Scene, data: bpy.types.Camera) -> BlenderLens:
-    """Lens, sensor and shift of the camera, with the pixel aspect of the frame that they were set for (see `lens_frame`)."""
-    lens = BlenderLens(data.lens, data.sensor_width, data.sensor_height, data.sensor_fit, data.shift_x, data.shift_y)
+    """Lens, sensor and shift of the camera, with the pixel aspect of the frame that they were set for (see `lens_frame`).
+
+    While the frame shows more than the photo (`overscan`), they are those of the frame that the photo fills.
+    """
+    wide = data.gssmc.overscan
+    shift = data.shift_x * wide, data.shift_y * wide
+    lens = BlenderLens(data.lens * wide, data.sensor_width, data.sensor_height, data.sensor_fit, *shift)
     kept = data.gssmc.frame_pixel
     return with_aspects(lens, conventions.pixel_aspects(kept) if kept else render_aspects(scene))
 
@@ -168,7 +173,7 @@ def write_intrinsics(scene: bpy.types.Scene, data: bpy.types.Camera, photo: Intr
     props.frame_x, props.frame_y, props.frame_pixel = render.resolution_x, render.resolution_y, lens.pixel
     props.photo_pixel = pixel
     _keep_size(data, photo)
-    data.lens, data.shift_x, data.shift_y = lens.lens_mm, lens.shift_x, lens.shift_y
+    data.lens, data.shift_x, data.shift_y = (value / props.overscan for value in (lens.lens_mm, lens.shift_x, lens.shift_y))
     for name, value in zip(DIST_NAMES, photo.dist, strict=True):
         setattr(props, name, value)
     show_pixel(data)

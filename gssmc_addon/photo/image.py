@@ -22,8 +22,9 @@ log = logging.getLogger(__name__)
 FILE_KEY = "gssmc_file"
 # Kinds of files that every Blender shows; of others (AVIF, HEIC, JPEG XL, raw photos) a copy is made.
 READ_BY_BLENDER = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".webp", ".bmp", ".exr")
-# Of a background image: frame method, offset x and y, scale, rotation, flips along x and y.
+# Of a background image: frame method, offset x and y, scale in the photo's frame, rotation, flips along x and y.
 STRAIGHT = ("FIT", 0.0, 0.0, 1.0, 0.0, False, False)
+SCALE_DIGITS = 5  # Blender stores the scale as float32.
 BACKGROUND_ALPHA = 0.5  # the photo lies half-transparent over the splat, so that a misfit shows
 
 
@@ -237,27 +238,30 @@ def is_straight(data: bpy.types.Camera) -> bool:
     """Whether the camera shows its photo as it is, whole: a picture that is shifted, scaled, turned, flipped or cropped looks
     misplaced on a splat that it fits.
     """
-    return all(_settings(slot) == STRAIGHT for slot in _photo_slots(data))
+    return all(_is_straight(slot) for slot in photo_slots(data))
 
 
 def straighten(data: bpy.types.Camera) -> None:
     """Shows the camera's photo as it is."""
-    for slot in _photo_slots(data):
-        if _settings(slot) != STRAIGHT:
+    for slot in photo_slots(data):
+        if not _is_straight(slot):
             _straighten(slot)
 
 
-def _photo_slots(data: bpy.types.Camera) -> list[bpy.types.CameraBackgroundImage]:
+def photo_slots(data: bpy.types.Camera) -> list[bpy.types.CameraBackgroundImage]:
+    """The backgrounds of the camera that show its photo, a copy of it, or its plate."""
     shown = [image for image in (photo_of(data), data.gssmc.undistorted) if image]
     return [b for b in data.background_images if (b.source == "MOVIE_CLIP" and b.clip) or b.image in shown]
 
 
-def _settings(slot: bpy.types.CameraBackgroundImage) -> tuple[object, ...]:
-    return slot.frame_method, *slot.offset, slot.scale, slot.rotation, slot.use_flip_x, slot.use_flip_y
+def _is_straight(slot: bpy.types.CameraBackgroundImage) -> bool:
+    scale = round(slot.scale * slot.id_data.gssmc.overscan, SCALE_DIGITS)
+    return (slot.frame_method, *slot.offset, scale, slot.rotation, slot.use_flip_x, slot.use_flip_y) == STRAIGHT
 
 
 def _straighten(slot: bpy.types.CameraBackgroundImage) -> None:
     slot.frame_method, slot.offset, slot.scale, slot.rotation = STRAIGHT[0], STRAIGHT[1:3], STRAIGHT[3], STRAIGHT[4]
+    slot.scale /= slot.id_data.gssmc.overscan  # A frame that shows more than the photo has it smaller in its middle.
     slot.use_flip_x = slot.use_flip_y = False
 
 

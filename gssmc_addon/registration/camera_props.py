@@ -156,6 +156,13 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "photo_pixel": FloatProperty(
             name="Photo Pixel", description="Width over height of the photo's pixels; 0: the frame's", min=0
         ),
+        "overscan": FloatProperty(
+            name="Overscan",
+            description="How many times as wide and high as its photo the camera's frame is; more than 1 while a composite is "
+            "set up whose lens bends the rendered picture",
+            default=1,
+            min=1,
+        ),
         "framed": PointerProperty(
             name="Framed Photo", description="The photo whose size was stored last", type=bpy.types.Image
         ),

@@ -56,11 +56,12 @@ _keys = _Keys()
 
 
 def _register_keys() -> None:
-    """V in Object Mode, which Blender leaves free there. Without a window there are no keys."""
+    """V and the double click in Object Mode, which Blender leaves free there. Without a window there are no keys."""
     configuration = bpy.context.window_manager.keyconfigs.addon
     if configuration:
         keys = configuration.keymaps.new(name="Object Mode", space_type="EMPTY")
         _keys.items.append((keys, keys.keymap_items.new("gssmc.look", "V", "PRESS")))
+        _keys.items.append((keys, keys.keymap_items.new("gssmc.look_through_card", "LEFTMOUSE", "DOUBLE_CLICK")))
 
 
 def register() -> None:

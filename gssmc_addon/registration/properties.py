@@ -21,6 +21,7 @@ from bpy.props import (
 
 from ...core.pose.presets import PRESETS
 from ...core.pose.settings import RefineSettings
+from ..composite import state as composite_state
 from ..look import cameras as look_cameras
 from ..look import looks
 from ..photo import image as photo_image
@@ -114,6 +115,7 @@ class GssmcScene(bpy.types.PropertyGroup):
             update=_cameras_changed,
         ),
         "quality": quality_annotation(),
+        "composite": PointerProperty(type=composite_state.GssmcComposite),
         "map_views": settings.map_views_annotation(),
         **settings_annotations(),
     }
@@ -140,7 +142,7 @@ class GssmcWindow(bpy.types.PropertyGroup):
             self.message_icon = icon
 
 
-classes = (GssmcPhoto, GssmcPin, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
+classes = (*composite_state.classes, GssmcPhoto, GssmcPin, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
 
 
 @bpy.app.handlers.persistent

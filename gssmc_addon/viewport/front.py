@@ -47,17 +47,21 @@ def front_pictures(context: bpy.types.Context) -> list[FrontPicture]:
     return [picture for picture in found if picture is not None and (picture.image or not comp)][-MOST:]
 
 
-def across_frame(context: bpy.types.Context, mouse: tuple[int, int]) -> float | None:
-    """Where the mouse, in pixels of the window, is across the camera's frame, 0 to 1; None where no camera is looked through
-    there.
+def across_picture(context: bpy.types.Context, mouse: tuple[int, int]) -> float | None:
+    """Where the mouse, in pixels of the window, is across the picture that lies on the camera's view there, 0 at its left to 1;
+    None where there is none.
     """
     for area in (area for area in context.screen.areas if area.type == "VIEW_3D"):
         region, space = next(r for r in area.regions if r.type == "WINDOW"), area.spaces.active
-        view = space.region_3d
-        inside = 0 <= mouse[0] - region.x < region.width and 0 <= mouse[1] - region.y < region.height
-        if inside and view.view_perspective == "CAMERA" and space.camera and space.camera.type == "CAMERA":
-            left, right = border_of(context.scene, space.camera.data, view.window_matrix)[:, 0] * region.width
-            return float(min(1.0, max(0.0, (mouse[0] - region.x - left) / max(1.0, right - left))))
+        at = np.array([mouse[0] - region.x, mouse[1] - region.y]) / (region.width, region.height)
+        camera = space.camera if space.region_3d.view_perspective == "CAMERA" else None
+        if not ((at >= 0) & (at <= 1)).all() or camera is None or camera.type != "CAMERA":
+            continue
+        border = border_of(context.scene, camera.data, space.region_3d.window_matrix)
+        slots = [slot for slot in camera.data.background_images if slot.show_background_image]
+        pictures = [_picture(slot, border, (region.width, region.height)) for slot in slots]
+        place = next((picture.place for picture in reversed(pictures) if picture), None)
+        return None if place is None else float(np.clip(place[0] @ (*at, 1.0), 0.0, 1.0))
     return None
 
 

@@ -54,6 +54,12 @@ def expose(light: NDArray[np.float32], pixel_aspect: float = 1.0) -> ExposedLigh
     return ExposedLight(pixels, mask, tuple(notes), full, pixel_aspect)
 
 
+def from_srgb(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values of sRGB's curve, from 0, to linear ones. The inverse of `srgb`."""
+    curved = np.power((np.maximum(values, 0) + OFFSET) / SCALE, 1 / POWER)
+    return np.where(values <= LINEAR_SLOPE * LINEAR_END, values / LINEAR_SLOPE, curved).astype(np.float32)
+
+
 def srgb(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     """Linear values 0..1 to sRGB's."""
     curved = SCALE * np.power(linear, POWER) - OFFSET

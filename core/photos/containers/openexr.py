@@ -1,4 +1,5 @@
-"""OpenEXR files of float channels: written uncompressed, read as most programs write them (scan lines; none, RLE, ZIP, ZIPS).
+"""OpenEXR files of float channels: written uncompressed or as ZIP, read as most programs write them (scan lines; none, RLE,
+ZIPS and ZIP).
 
 By the file layout that the OpenEXR project documents. OpenCV has its own codec for the format switched off.
 """
@@ -7,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,9 +22,11 @@ Channel = NDArray[np.float32]
 Box = tuple[int, int, int, int]  # left, top, right, bottom, the last two included
 
 MAGIC, VERSION = b"\x76\x2f\x31\x01", 2
-TILED, DEEP, PARTS = 0x200, 0x800, 0x1000
+TILED, LONG_NAMES, DEEP, PARTS = 0x200, 0x400, 0x800, 0x1000
+SHORT_NAME = 31
+ZIP_LEVEL = 4
 PIXEL_TYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
-FLOAT = 2
+HALF, FLOAT = 1, 2
 NONE, RLE, ZIPS, ZIP = range(4)
 ROWS_IN_CHUNK = {NONE: 1, RLE: 1, ZIPS: 1, ZIP: 16}
 MAX_NAME, MAX_CHANNELS, MAX_PIXELS = 256, 32, 64 << 20
@@ -42,16 +45,41 @@ class _ExrHeader:
     at: int
 
 
-def write_exr(path: Path, channels: Mapping[str, Channel]) -> None:
-    """Write channels (H, W) by name, row 0 on top, as 32-bit floats; the file appears whole or not at all."""
+def write_exr(path: Path, channels: Mapping[str, Channel], half: Container[str] = (), packed: bool = False) -> None:
+    """Write channels (H, W) by name, row 0 on top; the file appears whole or not at all.
+
+    They are 32-bit floats, those named in `half` 16-bit ones. `packed`: compressed as ZIP, without loss.
+    """
     names = sorted(channels)
     height, width = channels[names[0]].shape
-    box = struct.pack("<4i", 0, 0, width - 1, height - 1)
-    listed = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", FLOAT, 0, 1, 1) for name in names) + b"\0"
-    header = MAGIC + struct.pack("<i", VERSION)
-    for name, kind, value in (
+    kinds = {name: HALF if name in half else FLOAT for name in names}
+    row = np.dtype([(name, PIXEL_TYPES[kinds[name]], (width,)) for name in names])
+    whole = np.zeros(height, row)
+    for name in names:
+        whole[name] = channels[name]
+    compression = ZIP if packed else NONE
+    count = ROWS_IN_CHUNK[compression]
+    plain = [whole[y : y + count].tobytes() for y in range(0, height, count)]
+    chunks = [_packed(data) for data in plain] if packed else plain
+    header = _written_header(kinds, (width, height), compression)
+    sizes = np.array([8 + len(chunk) for chunk in chunks], "<u8")
+    offsets = len(header) + 8 * len(chunks) + np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype("<u8")
+    with atomic_write(path, "wb") as file:
+        file.write(header)
+        file.write(offsets.astype("<u8").tobytes())
+        for number, chunk in enumerate(chunks):
+            file.write(struct.pack("<2i", number * count, len(chunk)))
+            file.write(chunk)
+
+
+def _written_header(kinds: Mapping[str, int], size: tuple[int, int], compression: int) -> bytes:
+    box = struct.pack("<4i", 0, 0, size[0] - 1, size[1] - 1)
+    listed = b"".join(name.encode() + b"\0" + struct.pack("<iB3xii", kind, 0, 1, 1) for name, kind in kinds.items()) + b"\0"
+    long_names = LONG_NAMES if any(len(name) > SHORT_NAME for name in kinds) else 0
+    header = MAGIC + struct.pack("<i", VERSION | long_names)
+    for name, kind_name, value in (
         ("channels", "chlist", listed),
-        ("compression", "compression", bytes([NONE])),
+        ("compression", "compression", bytes([compression])),
         ("dataWindow", "box2i", box),
         ("displayWindow", "box2i", box),
         ("lineOrder", "lineOrder", b"\0"),
@@ -59,18 +87,17 @@ def write_exr(path: Path, channels: Mapping[str, Channel]) -> None:
         ("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0)),
         ("screenWindowWidth", "float", struct.pack("<f", 1)),
     ):
-        header += name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
-    header += b"\0"
-    row_bytes = 4 * width * len(names)
-    first = len(header) + 8 * height
-    offsets = first + (8 + row_bytes) * np.arange(height, dtype="<u8")
-    rows = np.stack([np.asarray(channels[name], "<f4") for name in names], axis=1)  # (H, channels, W)
-    with atomic_write(path, "wb") as file:
-        file.write(header)
-        file.write(offsets.astype("<u8").tobytes())
-        for y in range(height):
-            file.write(struct.pack("<2i", y, row_bytes))
-            file.write(rows[y].tobytes())
+        header += name.encode() + b"\0" + kind_name.encode() + b"\0" + struct.pack("<i", len(value)) + value
+    return header + b"\0"
+
+
+def _packed(data: bytes) -> bytes:
+    """A chunk as ZIP has it: even and odd bytes apart, told as differences; as it is where that is no shorter."""
+    plain = np.frombuffer(data, np.uint8)
+    steps = np.concatenate([plain[0::2], plain[1::2]])
+    steps[1:] = steps[1:] - steps[:-1] + np.uint8(128)
+    packed = zlib.compress(steps.tobytes(), ZIP_LEVEL)
+    return packed if len(packed) < len(data) else data
 
 
 def read_exr(path: Path) -> dict[str, Channel]:

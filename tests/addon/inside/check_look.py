@@ -1,5 +1,6 @@
 """Align and Comp, the photo's opacity, the photos' collection, and files that are dropped on the viewport."""
 
+import numpy as np
 import pytest
 from samples import write_photo
 
@@ -68,6 +69,19 @@ def test_a_camera_that_the_user_sorted_stays(bpy, scene, extension, tmp_path):
 def test_the_line_is_dragged_with_the_mouse_alone(bpy, scene):
     with pytest.raises(RuntimeError, match="There is no wipe"):
         bpy.ops.gssmc.drag_wipe()
+
+
+def test_a_point_lies_in_a_card_or_beside_it(extension):
+    """Both orders round, and corners that are no rectangle."""
+    is_inside, corners = extension("gssmc_addon.look.cards").is_inside, np.array([(0, 0), (10, 1), (9, 8), (-1, 6)], float)
+    for order in (corners, corners[::-1]):
+        assert is_inside(order, np.array((5.0, 4.0)))
+        assert not any(is_inside(order, np.array(point)) for point in ((-2.0, 3.0), (5.0, 9.0), (11.0, 4.0), (5.0, -0.5)))
+
+
+def test_a_card_is_chosen_with_the_mouse_alone(bpy):
+    with pytest.raises(RuntimeError, match="photo_index"):
+        bpy.ops.gssmc.look_through_card()
 
 
 def test_pictures_are_dropped_where_there_is_a_splat(bpy, scene):

@@ -2,8 +2,11 @@
 
 import ast
 
+import cv2
+import numpy as np
 import plan
 import pytest
+import shots
 from samples import write_photo
 
 
@@ -95,3 +98,106 @@ def test_every_success_clears_the_panels_line(bpy, scene, tmp_path, name):
     scene.camera.data.type = "PERSP"
     assert success(bpy, scene, tmp_path, name) == {"FINISHED"}
     assert bpy.context.window_manager.gssmc.message == ""
+
+
+def refusal(bpy):
+    with pytest.raises(RuntimeError) as caught:
+        bpy.ops.gssmc.set_up_composite()
+    return str(caught.value)
+
+
+def test_a_composite_needs_a_camera_a_photo_and_a_solution(bpy, extension, scene):
+    before = shots.everything(bpy, scene)
+    assert "not solved yet" in refusal(bpy)
+    assert shots.everything(bpy, scene) == before
+    camera, photo = scene.camera, scene.camera.data.gssmc.photo
+    camera.data.gssmc.photo = None
+    camera.data.background_images.clear()
+    assert "has no photo" in refusal(bpy)
+    camera.data.gssmc.photo, scene.camera = photo, None
+    assert "no camera" in refusal(bpy)
+    assert not bpy.ops.gssmc.remove_composite.poll()
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_a_composite_shows_the_photo_and_leaves_no_trace(bpy, extension, scene, tmp_path, own):
+    """In a scene with a compositor, a keyed lens, another camera and backgrounds of its own."""
+    camera = scene.camera
+    camera.data.gssmc.k1 = -0.12
+    camera.data.background_images[0].offset = (0.0, 0.0)
+    shots.solved(bpy, extension, scene)
+    camera.data.keyframe_insert("lens", frame=1)
+    other = bpy.data.objects.new("other", bpy.data.cameras.new("other"))
+    scene.collection.objects.link(other)
+    tree = shots.own_compositor(bpy, scene) if own else None
+    if own:
+        scene.view_settings.exposure, scene.render.resolution_percentage = 0.7, 50
+    elif bpy.app.version < (5, 0):
+        scene.use_nodes = True  # Blender makes its usual nodes, which would count as a change.
+        scene.use_nodes = False
+    scene.render.engine = "CYCLES"
+    bpy.context.view_layer.update()
+    before = shots.everything(bpy, scene)
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    assert "Make Proxy" in bpy.context.window_manager.gssmc.message
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (60, 90)
+    assert camera.data.gssmc.overscan > 1
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}  # once more, and still one way back
+    picture = shots.render(bpy, scene, tmp_path / "f12.png", 1)
+    photo = cv2.imread(str(tmp_path / "a.png"))[..., ::-1].astype(int)
+    assert np.abs(picture - photo).max() <= 1
+    image = scene.render.filepath, scene.render.image_settings.file_format
+    assert bpy.ops.gssmc.remove_composite() == {"FINISHED"}
+    scene.render.filepath = before["render"]["filepath"]
+    assert image[1] == "PNG"
+    after = shots.everything(bpy, scene)
+    assert {key: (before.get(key), after.get(key)) for key in before | after if before.get(key) != after.get(key)} == {}
+    if own and bpy.app.version >= (5, 0):
+        assert tree.name in bpy.data.node_groups
+
+
+def test_splat_and_cg_hide_each_other(bpy, scene, tmp_path):
+    """Two balls, in front of a wall of Gaussians and behind it, where the wall ends in the middle of the picture."""
+    for obj in [scene.gssmc.splat, scene.camera]:
+        bpy.data.objects.remove(obj)
+    bpy.ops.gssmc.import_splats(filepath=str(shots.write_wall(tmp_path / "wall.ply")), orientation="Z_UP")
+    splat = scene.gssmc.splat
+    splat.scale = (2, 2, 2)  # its depths are in other units than the scene's
+    camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
+    scene.collection.objects.link(camera)
+    scene.camera, camera.rotation_euler = camera, (np.pi, 0, 0)  # along z, with y down
+    camera.keyframe_insert("location", frame=1)
+    camera.location.x = 0.02
+    camera.keyframe_insert("location", frame=3)
+    red, blue = (shots.material(bpy, "Emission", color) for color in ((1, 0, 0), (0, 0, 1)))
+    shots.add_ball(bpy, scene, (0, -0.4, 2), 0.35, red, 12)
+    shots.add_ball(bpy, scene, (0, 0.6, 4), 0.5, blue, 12)
+    scene.render.engine, scene.view_settings.view_transform = "CYCLES", "Standard"
+    scene.render.resolution_x, scene.render.resolution_y, scene.frame_end = 60, 40, 3
+    scene.frame_set(1)
+    with pytest.raises(RuntimeError, match="Render Splat first"):
+        bpy.ops.gssmc.set_up_composite(behind="SPLAT")
+    assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames")) == {"FINISHED"}
+    frames = [tmp_path / "frames" / f"splat_{number:04d}.exr" for number in (1, 2, 3)]
+    made = [frame.stat().st_mtime_ns for frame in frames]
+    frames[1].unlink()
+    assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames")) == {"FINISHED"}
+    assert [frame.stat().st_mtime_ns == then for frame, then in zip(frames, made, strict=True)] == [True, False, True]
+    if bpy.app.version < (5, 0):
+        scene.use_nodes = True  # Blender makes its usual nodes, which would count as a change.
+        scene.use_nodes = False
+    before = shots.everything(bpy, scene)
+    assert bpy.ops.gssmc.set_up_composite(behind="SPLAT") == {"FINISHED"}
+    got = shots.render(bpy, scene, tmp_path / "f12.png", 8)
+    focal, middle = 50 / 36 * 60, np.array([30, 20])
+    front, back = (np.round(middle + focal * np.array(at) / z).astype(int) for at, z in (((0, -0.4), 2), ((0, 0.6), 4)))
+    for offset in (-6, 6):  # in front of the wall, and where it ends
+        np.testing.assert_allclose(got[front[1], front[0] + offset], (255, 0, 0), atol=3)
+    np.testing.assert_allclose(got[back[1], back[0] + 5], (0, 0, 255), atol=3)
+    np.testing.assert_allclose(got[back[1], back[0] - 5], (128, 128, 128), atol=6)  # behind it
+    np.testing.assert_allclose(got[20, 3], (128, 128, 128), atol=6)  # the wall, in the colour that it was trained with
+    assert got[20, 55].max() == 0
+    bpy.ops.gssmc.remove_composite()
+    scene.render.filepath = before["render"]["filepath"]
+    after = shots.everything(bpy, scene)
+    assert {key for key in before | after if before.get(key) != after.get(key)} == set()

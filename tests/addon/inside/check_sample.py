@@ -1,12 +1,17 @@
 """The built-in sample refined through the operators, with exact truth, wherever the splat object stands."""
 
 import json
+import runpy
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from core.cameras.files import read_cameras
 from core.synthetic import write_sample
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "composite.py"
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +69,20 @@ def test_a_guessed_focal_length_is_solved_and_written_back(bpy, sample, tmp_path
     assert along_height == pytest.approx(truth.fy, rel=2e-3)
     assert data.gssmc.lens_state == "SOLVED"
     assert data.gssmc.k1 == pytest.approx(truth.dist[0], abs=0.01)
+
+
+@pytest.mark.main_only
+def test_the_example_renders_the_finished_picture(bpy, sample, tmp_path):
+    """From scan and photo: a blue ball behind the chest, with its shadow at its right."""
+    steps = runpy.run_path(str(EXAMPLE), run_name="example")
+    assert steps["make_picture"](sample.scene.parent, tmp_path, 2) == "TRUSTED"
+    picture = cv2.imread(str(tmp_path / "composite.png")).astype(int)
+    photo = cv2.imread(str(sample.photo)).astype(int)
+    assert (
+        np.percentile(np.abs(picture - photo)[:250], 95) <= 1
+    )  # With two samples, some rays miss light that the ball takes away.
+    blue = picture[..., 0] - picture[..., 2] > 30
+    assert blue[340:375, 392:412].mean() > 0.9  # beside the chest
+    assert blue[345:385, 340:370].mean() < 0.05  # behind it
+    assert (photo - picture)[390:402, 405:425].mean() > 10
+    assert (tmp_path / "composite.blend").exists()

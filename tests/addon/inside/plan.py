@@ -11,6 +11,7 @@ from pathlib import Path
 MAIN = (5, 2)
 BLENDERS = ((4, 5), MAIN, (5, 3))
 LONGEST = (
+    "check_composite",
     "check_docs",
     "check_fox",
     "check_photos",

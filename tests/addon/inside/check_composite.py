@@ -1,0 +1,166 @@
+"""F12 of a composite against what is exactly known: the plate, what hides the CG, the lens, the artist's view transform."""
+
+import cv2
+import numpy as np
+import pytest
+import shots
+
+
+@pytest.fixture
+def place(bpy, extension, tmp_path, splat_file):
+    made = shots.make_place(bpy, extension, tmp_path, splat_file)
+    made.scene.render.engine = "CYCLES"
+    return made
+
+
+def to_light(values):
+    """sRGB of 0..255 to linear light."""
+    share = values / 255
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+
+
+def test_cg_is_cut_off_where_the_place_hides_it_and_bent_as_the_photo(bpy, place, tmp_path):
+    scene = place.scene
+    scene.view_settings.view_transform = "Standard"
+    white = shots.material(bpy, "Emission", (1, 1, 1))
+    shots.add_ball(bpy, scene, shots.BALL, shots.RADIUS, white)
+    targets = np.array([[x, y] for x in np.linspace(7, shots.WIDTH - 8, 8) for y in (6.0, 24.0)])
+    k = np.linalg.inv(shots.matrix())
+    straight = cv2.undistortPoints(targets[:, None], shots.matrix(), shots.DIST).reshape(-1, 2)
+    dots = np.column_stack([straight, np.ones(len(straight))]) * 1.5
+    for dot in dots:
+        shots.add_ball(bpy, scene, dot, 2.2 * 1.5 * k[0, 0], white, rings=8)
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    with_cg = shots.render(bpy, scene, tmp_path / "cg.png", samples=16)
+    light, plate = to_light(with_cg).min(axis=2), to_light(place.plate.astype(int)).min(axis=2)
+    coverage = (light - plate) / np.maximum(1 - plate, 0.02)
+
+    whole, visible = shots.ball_masks()
+    assert 0.2 < visible.sum() / whole.sum() < 0.8
+    near = cv2.dilate(whole.astype(np.uint8), np.ones((3, 3))).astype(bool)
+    wrong = ((coverage > 0.5) != visible) & near
+    assert wrong.sum() <= 0.01 * whole.sum()
+
+    for at in shots.pixels(dots):
+        x, y = (
+            np.clip(np.arange(-6, 7) + round(c), 0, side - 1) for c, side in zip(at, (shots.WIDTH, shots.HEIGHT), strict=True)
+        )
+        x, y = np.unique(x), np.unique(y)
+        weights = np.clip(coverage[np.ix_(y, x)], 0, 1)
+        found = (weights.sum(axis=0) @ x / weights.sum(), weights.sum(axis=1) @ y / weights.sum())
+        assert np.linalg.norm(np.array(found) - at) <= 0.3
+
+    beside = ~near
+    for at in shots.pixels(dots):
+        beside &= np.hypot(*(np.mgrid[: shots.HEIGHT, : shots.WIDTH][::-1] - at[:, None, None])) > 8
+    touched = np.abs(with_cg - place.plate)[: int(shots.CY) - 20][
+        beside[: int(shots.CY) - 20]
+    ]  # above the floor, no light falls
+    assert touched.max() <= 1
+
+
+def test_the_plate_stays_and_cg_has_shadow_and_the_artists_look(bpy, place, tmp_path):
+    scene = place.scene
+    scene.view_settings.view_transform, scene.view_settings.exposure, scene.view_settings.gamma = "AgX", 0.5, 1.1
+    shots.add_light(bpy, scene)
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    assert np.abs(shots.render(bpy, scene, tmp_path / "empty.png", 1) - place.plate).max() <= 1
+    ball = shots.add_ball(bpy, scene, shots.BALL, shots.RADIUS, shots.material(bpy, "BsdfDiffuse", (0.8, 0.3, 0.1)))
+    shot = shots.render(bpy, scene, tmp_path / "shot.png", 16)
+    whole, visible = shots.ball_masks()
+    darker = (place.plate - shot).min(axis=2) * 1.0
+    floor = np.zeros_like(whole)
+    floor[134:142, 130:152] = True  # below the ball
+    bright = place.plate.min(axis=2) > 60
+    assert np.median(darker[floor & ~whole & bright]) > 8
+    assert np.median(np.abs(shot - place.plate).max(axis=2)[:60]) <= 1  # the sky above casts and catches nothing
+
+    ball.data.materials[0] = shots.material(bpy, "Emission", (0.8, 0.3, 0.1))
+    shown = shots.render(bpy, scene, tmp_path / "emits.png", 4)
+    scene.render.resolution_percentage = 50  # as one renders to try
+    half = shots.render(bpy, scene, tmp_path / "half.png", 4)
+    want = cv2.resize(shown.astype(np.uint8), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    assert half.shape == want.shape
+    off = np.abs(half - want).max(axis=2)
+    assert np.median(off) <= 3
+    assert np.median(off[shots.ball_masks()[1][1::2, 1::2]]) <= 3
+    bpy.ops.gssmc.remove_composite()
+    assert scene.view_settings.view_transform == "AgX"
+    place.proxy.hide_render = scene.gssmc.splat.hide_render = True
+    scene.render.resolution_x, scene.render.resolution_y = shots.WIDTH // 4, shots.HEIGHT // 4
+    assert scene.render.resolution_percentage == 100
+    plain = shots.render(bpy, scene, tmp_path / "plain.png", 4)
+    inside = cv2.erode(visible.astype(np.uint8), np.ones((7, 7))).astype(bool)
+    assert inside.sum() > 200
+    x, y = (shots.matrix() @ shots.BALL)[:2] / shots.BALL[2] / 4
+    np.testing.assert_allclose(np.median(shown[inside], axis=0), plain[round(y), round(x)], atol=2)
+
+
+def test_the_photo_can_be_straightened_instead(bpy, place, tmp_path):
+    scene = place.scene
+    scene.view_settings.view_transform = "Standard"
+    dot = np.array([0.7, -0.45, 1.5])
+    shots.add_ball(bpy, scene, dot, 0.02, shots.material(bpy, "Emission", (1, 1, 1)))
+    assert bpy.ops.gssmc.set_up_composite(lens="PLATE") == {"FINISHED"}
+    assert scene.camera.data.gssmc.overscan == 1
+    got = shots.render(bpy, scene, tmp_path / "straight.png", 16)
+    want = cv2.undistort(place.plate, shots.matrix(), shots.DIST)
+    at = (shots.matrix() @ dot)[:2] / dot[2]
+    y, x = np.mgrid[: shots.HEIGHT, : shots.WIDTH]
+    away = np.hypot(x - at[0], y - at[1]) > 8
+    inner = np.zeros_like(away)
+    inner[12:-12, 12:-12] = True
+    assert np.median(np.abs(got - want)[away & inner]) <= 2  # resampled by two programs
+    weights = np.clip(to_light(got).min(axis=2) - to_light(want.astype(int)).min(axis=2), 0, 1) * ~away
+    assert np.hypot((weights * x).sum() / weights.sum() - at[0], (weights * y).sum() / weights.sum() - at[1]) < 0.3
+    images = len(bpy.data.images)
+    bpy.ops.gssmc.remove_composite()
+    assert len(bpy.data.images) == images - 1
+
+
+def test_a_moving_plate_moves(bpy, extension, tmp_path, splat_file):
+    frames = [np.full((40, 60, 3), 40 * k + 20, np.uint8) for k in range(4)]
+    for number, frame in enumerate(frames, 12):
+        cv2.imwrite(str(tmp_path / f"shot.{number:04d}.png"), frame)
+    bpy.ops.gssmc.import_splats(filepath=str(splat_file))
+    bpy.ops.gssmc.add_plate(filepath=str(tmp_path / "shot.0012.png"), camera="NEW")
+    scene = bpy.context.scene
+    shots.solved(bpy, extension, scene, (60, 40))
+    scene.render.engine = "CYCLES"
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="still photo"):
+        scene.camera.data.gssmc.k1 = -0.1
+        bpy.ops.gssmc.set_up_composite(lens="PLATE")
+    for offset in (2, 0):
+        scene.frame_set(1 + offset)
+        np.testing.assert_allclose(shots.render(bpy, scene, tmp_path / "out.png", 1), frames[offset], atol=1)
+
+
+def test_a_lens_that_was_solved_since_is_not_lost(bpy, extension, place):
+    """Refine while the composite is set up, then remove it: the new lens stays, in a frame that the photo fills again."""
+    scene, camera = place.scene, place.scene.camera
+    bridge, geometry = extension("gssmc_addon.camera.bridge"), extension("core.geometry.camera")
+    bpy.ops.gssmc.set_up_composite()
+    assert camera.data.gssmc.overscan > 1.03
+    lens = geometry.Intrinsics(shots.WIDTH, shots.HEIGHT, 201.0, 201.0, 118.0, 91.0, (-0.05, 0, 0, 0, 0))
+    bridge.write_camera(scene, camera, scene.gssmc.splat, geometry.Camera(lens, geometry.Pose()))
+    bpy.ops.gssmc.remove_composite()
+    got = bridge.read_camera(scene, camera, scene.gssmc.splat).at_size(shots.WIDTH, shots.HEIGHT).intrinsics
+    np.testing.assert_allclose((got.fx, got.fy, got.cx, got.cy), (201, 201, 118, 91), atol=1e-3)
+    assert camera.data.gssmc.overscan == 1
+    assert camera.data.background_images[0].scale == pytest.approx(1)
+
+
+def test_it_is_set_up_for_another_camera_anew(bpy, extension, place, tmp_path):
+    scene = place.scene
+    bpy.ops.gssmc.set_up_composite()
+    first = scene.camera
+    cv2.imwrite(str(tmp_path / "b.png"), np.full((50, 80, 3), 99, np.uint8))
+    bpy.ops.gssmc.add_photo(filepath=str(tmp_path / "b.png"), camera="NEW")
+    shots.solved(bpy, extension, scene)
+    before = first.data.gssmc.overscan
+    assert before > 1
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    assert first.data.gssmc.overscan == 1
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (80, 50)
+    assert scene.gssmc.composite.camera == scene.camera
