@@ -141,8 +141,8 @@ def register() -> None:
     slot.register()
     camera_frame.register()
     viewport.register()
-    marks.register()
     cards.register()
+    marks.register()
     preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
@@ -150,8 +150,8 @@ def register() -> None:
 def unregister() -> None:
     slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
-    marks.unregister()
     cards.unregister()
+    marks.unregister()
     viewport.unregister()
     camera_frame.unregister()
     flicker.unregister()

@@ -142,7 +142,15 @@ class GssmcWindow(bpy.types.PropertyGroup):
             self.message_icon = icon
 
 
-classes = (*composite_state.classes, GssmcPhoto, GssmcPin, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
+classes = (
+    *composite_state.classes,
+    GssmcPhoto,
+    GssmcPin,
+    GssmcScene,
+    GssmcCamera,
+    preview_state.GssmcPreview,
+    GssmcWindow,
+)
 
 
 @bpy.app.handlers.persistent

@@ -39,6 +39,12 @@ def test_cancel_stops_the_running_job(bpy, extension, scene):
     assert bpy.ops.gssmc.refine.poll()
 
 
+def test_a_proxy_is_made(bpy, scene):
+    assert bpy.ops.gssmc.make_proxy(use="HOLDOUT", faces=300, long_side_px=96) == {"FINISHED"}
+    proxy = scene.objects["scan Proxy"]
+    assert proxy.is_holdout and proxy.gssmc.proxy_of == scene.gssmc.splat and 0 < len(proxy.data.polygons) <= 300
+
+
 def test_pins_floor_and_scale_work(bpy, scene):
     """check_pins says what they do, in one Blender."""
     for x, y, z in ((-1, -1, 0), (1, -1, 1), (0, 1, 0.5)):
@@ -201,3 +207,7 @@ def test_splat_and_cg_hide_each_other(bpy, scene, tmp_path):
     scene.render.filepath = before["render"]["filepath"]
     after = shots.everything(bpy, scene)
     assert {key for key in before | after if before.get(key) != after.get(key)} == set()
+    assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames"), start=2, end=2) == {"FINISHED"}
+    bpy.ops.gssmc.set_up_composite(behind="SPLAT")
+    scene.frame_set(9)  # One frame alone shows at all times.
+    np.testing.assert_allclose(shots.render(bpy, scene, tmp_path / "still.png", 1)[20, 3], (128, 128, 128), atol=6)

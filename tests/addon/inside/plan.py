@@ -17,6 +17,7 @@ LONGEST = (
     "check_photos",
     "check_pins",
     "check_preview",
+    "check_proxy",
     "check_refine",
     "check_sample",
     "check_texts",
