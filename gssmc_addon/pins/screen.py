@@ -44,7 +44,9 @@ class PhotoOnScreen:
         size = photo_image.own_size(camera.data)
         if view.view_perspective != "CAMERA" or not all(size):
             return None
-        border = border_of(scene, camera.data, view.window_matrix)
+        frame = border_of(scene, camera.data, view.window_matrix)
+        # A frame that shows more than the photo has it smaller in its middle.
+        border = frame.mean(axis=0) + (frame - frame.mean(axis=0)) / camera.data.gssmc.overscan
         pixel = camera_bridge.photo_pixel(camera.data, camera_bridge.read_lens(scene, camera.data))
         photo = cls.fitted(size, pixel, border, (region.width, region.height))
         copy = camera.data.gssmc.undistorted

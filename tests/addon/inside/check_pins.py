@@ -275,6 +275,13 @@ def test_what_is_drawn_of_pins_lies_on_the_photo(bpy, session, extension):
     wide = screen.PhotoOnScreen.fitted((60, 90), 1.0, np.array([[0.1, 0.1], [0.9, 0.9]]), (1000, 900))
     assert wide.to_photo(wide.to_region((7, 80))) == (pytest.approx(7), pytest.approx(80))
     assert (wide.low[1], wide.high[1]) == (90, 810) and wide.low[0] == 500 - 240
+    view, region = session.window.area.spaces.active.region_3d, session.window.area.regions[0]
+    whole = screen.PhotoOnScreen.of(session.scene, session.camera, region, view)
+    session.camera.data.gssmc.overscan = 1.25  # as a composite sets it: the frame shows more than the photo
+    part = screen.PhotoOnScreen.of(session.scene, session.camera, region, view)
+    assert part.high[0] - part.low[0] == pytest.approx((whole.high[0] - whole.low[0]) / 1.25)
+    assert part.low[1] + part.high[1] == pytest.approx(whole.low[1] + whole.high[1])
+    session.camera.data.gssmc.overscan = 1.0
     lens = extension("core.geometry.camera").Intrinsics(60, 90, 70, 70, 31, 44, (-0.2, 0.05, 0.001, 0.0, 0.0))
     bent = screen.PhotoOnScreen((60, 90), (0, 0), (600, 900), lens)
     assert bent.to_photo(bent.to_region((5, 8))) == (pytest.approx(5, abs=1e-6), pytest.approx(8, abs=1e-6))
