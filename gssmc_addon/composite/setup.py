@@ -178,8 +178,9 @@ def _zooms(data: bpy.types.Camera) -> bool:
 
 def _behind(shot: CompositeShot, kept: GssmcComposite) -> Backplate:
     if shot.plate.frames:
-        image = bpy.data.images.load(str(plate.frame_file(shot.plate.frames, kept.frames_range[0])))
-        image.source = "SEQUENCE"
+        first, last = kept.frames_range
+        image = bpy.data.images.load(str(plate.frame_file(shot.plate.frames, first)))
+        image.source = "SEQUENCE" if first < last else "FILE"  # of one frame at all times
         kept.images.add().image = image
         return replace(shot.plate, image=image)
     if shot.straight is None:

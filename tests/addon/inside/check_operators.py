@@ -207,3 +207,7 @@ def test_splat_and_cg_hide_each_other(bpy, scene, tmp_path):
     scene.render.filepath = before["render"]["filepath"]
     after = shots.everything(bpy, scene)
     assert {key for key in before | after if before.get(key) != after.get(key)} == set()
+    assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames"), start=2, end=2) == {"FINISHED"}
+    bpy.ops.gssmc.set_up_composite(behind="SPLAT")
+    scene.frame_set(9)  # One frame alone shows at all times.
+    np.testing.assert_allclose(shots.render(bpy, scene, tmp_path / "still.png", 1)[20, 3], (128, 128, 128), atol=6)
