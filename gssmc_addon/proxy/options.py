@@ -14,7 +14,7 @@ from .uses import USES
 
 CAMERAS = (
     ("ACTIVE", "This Camera", "What the scene's camera sees: quickest, and enough for a still"),
-    ("PHOTOS", "Solved Photos", "All photos of the list whose camera is trusted or to be checked"),
+    ("PHOTOS", "Solved Photos", "All photos of the list whose camera is trusted, to be checked or placed by pins"),
     ("PLATE", "Plate", "Frames of the scene camera's plate, as it was solved"),
 )
 OPTIONS = options_of(ProxySettings)
