@@ -65,13 +65,18 @@ def world_matrix(obj: bpy.types.Object) -> Matrix:
 
 def read_camera(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object) -> CameraCopy:
     """Copies the camera. Raises CameraError when no pinhole camera of the splat's world can be made of it."""
-    if camera.data.type != "PERSP":
-        kind = camera.data.type.lower()
-        raise CameraError(rpt_('The camera "{name}" is {kind}; set its type to Perspective.', name=camera.name, kind=kind))
+    check_perspective(camera)
     pose = conventions.pose_from_blender(np.array(world_matrix(camera)), splat_similarity(splat))
     data, lens = camera.data, read_lens(scene, camera.data)
     guessed = data.gssmc.lens_state != CALIBRATED
     return CameraCopy(lens, read_distortion(data), pose, lens_frame(scene, data), guessed, photo_pixel(data, lens))
+
+
+def check_perspective(camera: bpy.types.Object) -> None:
+    """Raises CameraError when it is a camera of another type, such as an orthographic one."""
+    if camera.data.type != "PERSP":
+        kind = camera.data.type.lower()
+        raise CameraError(rpt_('The camera "{name}" is {kind}; set its type to Perspective.', name=camera.name, kind=kind))
 
 
 def lens_frame(scene: bpy.types.Scene, data: bpy.types.Camera) -> tuple[int, int]:

@@ -13,11 +13,12 @@ import bpy
 from ...core.errors import CameraError
 from ...core.geometry import conventions
 from ...core.pictures.overscan import MOST, overscan_ratio
+from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame
 from ..camera import solution as camera_solution
 from ..support.texts import n_, rpt_
-from . import host, lens, look, plate, record, stage, tree
+from . import host, lens, look, plate, record, shared, stage, tree
 from .plate import Backplate
 from .state import GssmcComposite
 
@@ -57,8 +58,9 @@ def set_up(scene: bpy.types.Scene, lens_on: str = BEND, behind: str = PHOTO) -> 
     shot = check(scene, lens_on, behind)
     if scene.gssmc.composite.is_set_up:
         remove(scene)
-        if behind == PHOTO:
-            shot = replace(shot, plate=plate.of_camera(scene, shot.camera))
+    shared.free_lenses()
+    if behind == PHOTO:
+        shot = replace(shot, plate=plate.of_camera(scene, shot.camera))
     kept = scene.gssmc.composite
     depth_pass = f'view_layers["{bpy.utils.escape_identifier(tree.layer_of(scene))}"].use_pass_z'
     kept.before = json.dumps(record.values(scene, (*record.SCENE_PATHS, depth_pass)))
@@ -94,6 +96,7 @@ def check(scene: bpy.types.Scene, lens_on: str, behind: str = PHOTO) -> Composit
     camera = scene.camera
     if camera is None or camera.type != "CAMERA":
         raise CameraError(rpt_("The scene has no camera; add a photo, or pick one on the list."))
+    camera_bridge.check_perspective(camera)
     if behind == SPLAT:
         return CompositeShot(camera, plate.of_splat(scene), None)
     return _check_photo(scene, camera, lens_on)
@@ -101,6 +104,16 @@ def check(scene: bpy.types.Scene, lens_on: str, behind: str = PHOTO) -> Composit
 
 def _check_photo(scene: bpy.types.Scene, camera: bpy.types.Object, lens_on: str) -> CompositeShot:
     behind = plate.of_camera(scene, camera)
+    other = shared.holder(camera.data, scene)
+    if other is not None and (behind.lens.has_distortion or camera.data.gssmc.overscan != 1):
+        raise CameraError(
+            rpt_(
+                'The camera "{name}" is in the composite of the scene "{scene}"; remove that one first, or give this scene a '
+                "camera of its own.",
+                name=camera.name,
+                scene=other.name,
+            )
+        )
     straightens = lens_on == STRAIGHTEN and behind.lens.has_distortion
     if not straightens and behind.lens.has_distortion and not camera_channels.is_lens_writable(camera.data):
         raise CameraError(
@@ -117,16 +130,16 @@ def remove(scene: bpy.types.Scene) -> list[str]:
     """Puts back all that was touched. Returns sentences on what did not take its value."""
     kept = scene.gssmc.composite
     host.end(scene, kept)
-    unchanged = [item for item in kept.cameras if item.data and record.of_camera(item.data) == item.after]
-    for item in kept.cameras:
-        if item.data and item not in unchanged and item.data.gssmc.overscan != 1:
-            record.zoom_out(item.data, 1 / item.data.gssmc.overscan)  # It was solved or moved since, and stays so.
+    cameras = [item for item in kept.cameras if item.data and not shared.leave_camera(scene, item)]
+    unchanged = [item for item in cameras if record.of_camera(item.data) == item.after]
     refused = record.put(scene, json.loads(kept.before))
     for item in unchanged:
         record.put_camera(item.data, item.before)
+    kept.camera = None
+    shared.free_lenses()
     camera_frame.fit_all(scene)
     for item in kept.objects:
-        if item.object:
+        if item.object and not shared.leave_object(scene, item):
             record.put(item.object, json.loads(item.before))
     _forget(kept)
     return [rpt_("These settings did not take back their value: {names}.", names=", ".join(refused))] if refused else []

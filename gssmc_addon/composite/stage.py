@@ -47,6 +47,7 @@ def _touch(kept: GssmcComposite, obj: bpy.types.Object, **wanted: bool) -> None:
     item = kept.objects.add()
     item.object, item.before = obj, json.dumps(record.values(obj, record.OBJECT_PATHS))
     record.put(obj, wanted)
+    item.after = json.dumps(record.values(obj, record.OBJECT_PATHS))
 
 
 def _notes(used: list[bpy.types.Object], cycles: bool, holds_out: bool) -> list[str]:

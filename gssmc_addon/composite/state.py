@@ -9,15 +9,17 @@ from bpy.props import CollectionProperty, IntVectorProperty, PointerProperty, St
 
 
 class GssmcTouchedObject(bpy.types.PropertyGroup):
-    """An object, and its properties as JSON {name: value} before it was touched."""
+    """An object, and its properties as JSON {name: value} before it was touched and after."""
 
     if TYPE_CHECKING:
         object: bpy.types.Object | None
         before: str
+        after: str
 
     __annotations__ = {
         "object": PointerProperty(name="Object", type=bpy.types.Object),
         "before": StringProperty(name="Before"),
+        "after": StringProperty(name="After"),
     }
 
 

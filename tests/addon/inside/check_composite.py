@@ -164,3 +164,56 @@ def test_it_is_set_up_for_another_camera_anew(bpy, extension, place, tmp_path):
     assert first.data.gssmc.overscan == 1
     assert (scene.render.resolution_x, scene.render.resolution_y) == (80, 50)
     assert scene.gssmc.composite.camera == scene.camera
+
+
+@pytest.mark.parametrize("first_gone", [0, 1])
+def test_two_scenes_that_share_scan_and_proxy_leave_each_other_alone(bpy, extension, place, tmp_path, first_gone):
+    scene, window = place.scene, bpy.context.window
+    cv2.imwrite(str(tmp_path / "b.png"), np.full((60, 100, 3), 99, np.uint8))
+    bpy.ops.gssmc.add_photo(filepath=str(tmp_path / "b.png"), camera="NEW")
+    shots.solved(bpy, extension, scene)
+    cameras = [bpy.data.objects["plate"], scene.camera]
+    cameras[1].data.gssmc.k1 = -0.1
+    other = bpy.data.scenes.new("other")
+    for obj in (*cameras, scene.gssmc.splat, place.proxy):
+        other.collection.objects.link(obj)
+    scene.camera, other.camera, other.gssmc.splat = *cameras, scene.gssmc.splat
+    other.render.engine = "CYCLES"
+    bpy.context.view_layer.update()
+    scenes, before = [scene, other], shots.everything(bpy, scene)
+    for one in scenes:
+        window.scene = one
+        assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    lenses = [camera.data.gssmc.overscan for camera in cameras]
+    assert min(lenses) > 1.03
+    window.scene = scenes[first_gone]
+    bpy.ops.gssmc.remove_composite()
+    assert cameras[first_gone].data.gssmc.overscan == 1
+    assert cameras[1 - first_gone].data.gssmc.overscan == lenses[1 - first_gone]
+    assert place.proxy.is_shadow_catcher and scene.gssmc.splat.hide_render, "the other scene still needs them so"
+    window.scene = scenes[1 - first_gone]
+    bpy.ops.gssmc.remove_composite()
+    after = shots.everything(bpy, scene)
+    assert {key for key in before | after if repr(before.get(key)) != repr(after.get(key))} == set()
+
+
+def test_a_copy_of_the_scene_or_of_the_camera_takes_no_lens_along(bpy, place):
+    scene, data, window = place.scene, place.scene.camera.data, bpy.context.window
+    slot = data.background_images[0]
+    before = data.lens, data.shift_x, data.gssmc.overscan, slot.scale
+    bpy.ops.gssmc.set_up_composite()
+    wide = data.gssmc.overscan
+    copy = data.copy()
+    scene.collection.objects.link(bpy.data.objects.new("copy", copy))
+    bpy.ops.scene.new(type="LINK_COPY")
+    with pytest.raises(RuntimeError, match='in the composite of the scene "Scene"'):
+        bpy.ops.gssmc.set_up_composite()
+    bpy.ops.gssmc.remove_composite()
+    assert data.gssmc.overscan == wide, "the scene itself still renders through it"
+    window.scene = scene
+    bpy.ops.gssmc.remove_composite()
+    assert (data.lens, data.shift_x, data.gssmc.overscan, slot.scale) == before
+    assert copy.gssmc.overscan == 1 and copy.lens == pytest.approx(data.lens)
+    data.type = "ORTHO"
+    with pytest.raises(RuntimeError, match="ortho"):
+        bpy.ops.gssmc.set_up_composite()
