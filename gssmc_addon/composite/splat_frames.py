@@ -78,7 +78,7 @@ class SplatFramesJob(QueueJob):
         return partial(_drawn, self._renderer, view, frame_file(self.folder, view.number), lambda: self.cancelled)
 
     def end_item(self, index: int, result: int) -> None:
-        self.listed[str(result)] = self.keys[result]
+        self.listed[str(result)] = self._entry(result)
         with atomic_write(self.folder / LIST_NAME) as file:
             json.dump(self.listed, file, indent=1)
 
@@ -89,8 +89,14 @@ class SplatFramesJob(QueueJob):
         return self
 
     def _is_there(self, view: SplatView) -> bool:
-        known = self.listed.get(str(view.number)) == self.keys[view.number]
-        return known and frame_file(self.folder, view.number).exists()
+        try:
+            return self.listed.get(str(view.number)) == self._entry(view.number)
+        except OSError:
+            return False
+
+    def _entry(self, number: int) -> str:
+        """What a frame is made of, and how long its file is: one that was cut off is made again. Raises OSError."""
+        return f"{self.keys[number]} {frame_file(self.folder, number).stat().st_size}"
 
 
 def views_of(scene: bpy.types.Scene, start: int, end: int) -> list[SplatView]:
@@ -115,7 +121,9 @@ def views_of(scene: bpy.types.Scene, start: int, end: int) -> list[SplatView]:
 
 
 def folder_of(path: str) -> Path:
-    """The folder that an artist named. Raises PhotoError where it lies beside a .blend that has no place yet."""
+    """The folder that an artist named. Raises PhotoError where none is, or it lies beside a .blend that has no place yet."""
+    if not path.strip():
+        raise PhotoError(rpt_("No folder is given for the frames; choose one."))
     if path.startswith("//") and not bpy.data.filepath:
         raise PhotoError(rpt_("The folder lies beside the .blend, which is not saved yet; save it, or choose another folder."))
     return Path(bpy.path.abspath(path))

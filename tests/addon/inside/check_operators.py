@@ -189,8 +189,12 @@ def test_splat_and_cg_hide_each_other(bpy, scene, tmp_path):
     frames = [tmp_path / "frames" / f"splat_{number:04d}.exr" for number in (1, 2, 3)]
     made = [frame.stat().st_mtime_ns for frame in frames]
     frames[1].unlink()
+    frames[2].write_bytes(frames[2].read_bytes()[:200])  # as a full disk leaves it
     assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames")) == {"FINISHED"}
-    assert [frame.stat().st_mtime_ns == then for frame, then in zip(frames, made, strict=True)] == [True, False, True]
+    assert [frame.stat().st_mtime_ns == then for frame, then in zip(frames, made, strict=True)] == [True, False, False]
+    assert min(frame.stat().st_size for frame in frames) > 200
+    with pytest.raises(RuntimeError, match="No folder is given"):
+        bpy.ops.gssmc.render_splat(folder="")
     if bpy.app.version < (5, 0):
         scene.use_nodes = True  # Blender makes its usual nodes, which would count as a change.
         scene.use_nodes = False
