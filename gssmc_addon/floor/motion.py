@@ -20,6 +20,8 @@ UP = Vector((0.0, 0.0, 1.0))
 # Three points whose triangle is flatter than this (height over its longest side) do not hold a plane well enough.
 FLAT = 0.1
 MOST_POINTS = 200_000
+# A scan that becomes more than so many times as large, or as small, was measured wrong.
+MOST_FACTOR = 1e6
 # Gaussians that are larger than all but so many are the sky, or fog; they count no more than these.
 COVER_QUANTILE = 0.95
 
@@ -28,6 +30,7 @@ def onto_floor(splat: bpy.types.Object, points: Sequence[Vector], cameras: Seque
     """The motion that brings the plane through three points of the scene to z = 0, with as little turning as that takes. Above
     are the `cameras`, or where there are none the side that was up before. Raises SplatFormatError when it is no plane.
     """
+    _check_finite([value for point in points for value in point])
     a, b, c = points
     normal, longest = (b - a).cross(c - a), max((b - a).length, (c - a).length, (c - b).length)
     if normal.length < FLAT * longest**2 or longest == 0:
@@ -69,15 +72,25 @@ def to_scale(points: Sequence[Vector], distance: float) -> Matrix:
     """The motion after which two points of the scene are `distance` apart; the height 0, and what lies between the points, stay
     where they are. Raises SplatFormatError when that is no size.
     """
+    _check_finite([*points[0], *points[1], distance])
     a, b = points
     apart = (b - a).length
     if distance <= 0 or apart <= 1e-9 * max(a.length, b.length, 1.0):
         raise SplatFormatError(
             rpt_("The two points lie at one place, or the distance is none; give two points that are apart, and how far.")
         )
+    if not 1 / MOST_FACTOR <= distance / apart <= MOST_FACTOR:
+        raise SplatFormatError(
+            rpt_("The splat would be {factor:.3g} times as large; check the points and the distance.", factor=distance / apart)
+        )
     middle = (a + b) / 2
     ground = Vector((middle.x, middle.y, 0.0))
     return Matrix.Translation(ground) @ Matrix.Scale(distance / apart, 4) @ Matrix.Translation(-ground)
+
+
+def _check_finite(values: Sequence[float]) -> None:
+    if not np.isfinite(values).all():
+        raise SplatFormatError(rpt_("A point, or the distance, is no finite number; give it again."))
 
 
 def photo_cameras(scene: bpy.types.Scene, splat: bpy.types.Object) -> list[bpy.types.Object]:

@@ -26,6 +26,8 @@ def surface_point(renderer: ViewRenderer, lens: Intrinsics, pose: Pose, pixel: t
     """The point (3,) of the scan, in its coordinates, that is seen at `pixel` of the pinhole view `lens` from `pose`; None
     where nothing of the scan is seen there. Only a small window of the view is rendered.
     """
+    if not np.isfinite(pixel).all():
+        return None
     left, top = (int(np.floor(value)) - WINDOW // 2 for value in pixel)
     window = replace(lens.pinhole(), width=WINDOW, height=WINDOW, cx=lens.cx - left, cy=lens.cy - top)
     view = sole_renderer(renderer).render(window, pose)

@@ -84,7 +84,14 @@ def test_refine_holds_pins_where_that_is_asked_for_and_a_pinned_camera_outlives_
     assert solved.camera.data.gssmc.verdict == "PINNED" and "photo shows only" in solved.camera.data.gssmc.reasons
 
 
-@pytest.mark.parametrize(("more", "said"), [({}, "photo_x"), ({"photo_x": 1, "photo_y": 2}, "point")])
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({}, "photo_x"),
+        ({"photo_x": 1, "photo_y": 2}, "point"),
+        ({"photo_x": 1, "photo_y": 2, "splat_x": np.nan, "splat_y": 2}, "shows nothing there"),
+    ],
+)
 def test_half_a_pin_is_refused(bpy, solved, more, said):
     with pytest.raises(RuntimeError, match=said):
         bpy.ops.gssmc.add_pin(**more)
@@ -357,6 +364,18 @@ def test_a_distance_becomes_true_and_a_solved_camera_stays_solved(bpy, solved, e
     for points, distance in (((0, 0, 0, 0, 0, 0), 1.0), ((*a, *b), 0.0)):
         with pytest.raises(RuntimeError, match="two points"):
             bpy.ops.gssmc.set_scale(points=points, distance=distance)
+
+
+@pytest.mark.parametrize(
+    ("distance", "said"), [(np.nan, "no finite"), (1e-30, "times as large"), (1e30, "times as large"), (0, "how far")]
+)
+def test_what_is_no_place_or_size_moves_nothing(bpy, solved, distance, said):
+    before = solved.splat.matrix_world.copy()
+    with pytest.raises(RuntimeError, match=said):
+        bpy.ops.gssmc.set_scale(points=(0, 0, 0, 1, 0, 0), distance=distance)
+    with pytest.raises(RuntimeError, match="no finite"):
+        bpy.ops.gssmc.set_floor(method="POINTS", points=(0, 0, 0, 1, 0, 0, 0, 1, np.nan))
+    assert solved.splat.matrix_world == before
 
 
 def test_the_floor_is_found_and_told_from_walls(bpy, scene, tmp_path):
