@@ -30,11 +30,11 @@ class ProxyJob(Job):
         self, scene: bpy.types.Scene, splat: bpy.types.Object, cameras: Sequence[Camera], settings: ProxySettings
     ) -> None:
         """Raises GssmcError when the object is no splat, or it would take more memory than is allowed."""
+        copying = SplatCopying(splat)
         pixels = sum(settings.long_side_px**2 for _ in cameras)
         count, coefficients = len(splat.data.points), splat_object.sh_coefficients(splat)
         needed = memory.proxy_bytes(count, coefficients, settings.faces, pixels)
         memory.check("The proxy", needed, preferences.memory_limit(bpy.context))
-        copying = SplatCopying(splat)
         super().__init__(self._steps, copying)
         self._splat: SplatCopying | None = copying
         self.cameras, self._settings = cameras, settings

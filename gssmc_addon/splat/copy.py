@@ -13,7 +13,7 @@ import numpy as np
 from ...core.errors import SplatFormatError
 from ...core.splats.scene import GaussianScene
 from ..support.texts import n_, rpt_
-from .object import ANTIALIASED, BASE, SH_PREFIX, check_attribute, is_splat, read_attribute, sh_bands
+from .object import ANTIALIASED, BASE, SH_PREFIX, check_attribute, check_splat, read_attribute, sh_bands
 
 SHAPE = (("position", 3), ("scale", 3), ("rotation", 4), (BASE, 4))  # before the SH coefficients
 
@@ -61,10 +61,7 @@ class SplatCopying:
 
     def __init__(self, obj: bpy.types.Object) -> None:
         """Raises SplatFormatError when the object is no splat, or an empty one."""
-        if not is_splat(obj):
-            raise SplatFormatError(
-                rpt_('"{name}" holds no Gaussian splats; pick one made by File > Import > Gaussian Splats.', name=obj.name)
-            )
+        check_splat(obj)
         self._count = len(obj.data.points)
         if self._count == 0:
             raise SplatFormatError(rpt_('"{name}" has no points; import the splat file again.', name=obj.name))

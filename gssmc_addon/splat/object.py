@@ -43,7 +43,8 @@ def is_splat_cloud(cloud: bpy.types.PointCloud) -> bool:
 def picked(scene: bpy.types.Scene, splat: bpy.types.Object | None) -> bpy.types.Object:
     """The splat to work on.
 
-    Raises RefineError when none is picked, or when the user has deleted it (the pick keeps it in the file).
+    Raises RefineError when none is picked, or when the user has deleted it (the pick keeps it in the file), SplatFormatError
+    when it is something else.
     """
     if splat is None:
         raise RefineError(rpt_("No splat is picked; import one with File > Import > Gaussian Splats, or pick it in the panel."))
@@ -51,7 +52,16 @@ def picked(scene: bpy.types.Scene, splat: bpy.types.Object | None) -> bpy.types.
         raise RefineError(
             rpt_('The splat "{name}" is no longer in the scene; import one, or pick another in the panel.', name=splat.name)
         )
+    check_splat(splat)
     return splat
+
+
+def check_splat(obj: bpy.types.Object) -> None:
+    """Raises SplatFormatError when the object is no splat."""
+    if not is_splat(obj):
+        raise SplatFormatError(
+            rpt_('"{name}" holds no Gaussian splats; pick one made by File > Import > Gaussian Splats.', name=obj.name)
+        )
 
 
 def splat_attributes(scene: GaussianScene, base: np.ndarray) -> list[tuple[str, str, np.ndarray]]:

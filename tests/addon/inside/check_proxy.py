@@ -109,6 +109,8 @@ def test_what_fails_changes_nothing(bpy, listed, extension):
     scene, before = listed, counts(bpy)
     with pytest.raises(RuntimeError, match="There is no object"):
         make(bpy, camera="nobody")
+    with pytest.raises(RuntimeError, match="holds no Gaussian splats"):
+        make(bpy, splat=scene.camera.name)
     scene.camera.location = (500, 500, 500)
     with pytest.raises(RuntimeError, match="show nothing of the scan"):
         make(bpy)
