@@ -162,6 +162,8 @@ def _set_frame(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite
     for camera in {obj.data for obj in scene.objects if obj.type == "CAMERA" and obj.data.is_editable}:
         item = kept.cameras.add()
         item.data, item.before = camera, record.of_camera(camera)
+    if shot.plate.frames is None and not data.gssmc.frame_x and data.is_editable:
+        camera_bridge.move_to_render(scene, data, *shot.plate.size)  # A lens that was set by hand is to follow the resolution.
     (render.resolution_x, render.resolution_y), render.resolution_percentage = shot.plate.size, 100
     if shot.plate.frames is None:
         render.pixel_aspect_x, render.pixel_aspect_y = conventions.pixel_aspects(data.gssmc.photo_pixel or 1.0)
