@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty
 from mathutils import Vector
 
 from ..core.errors import RefineError
-from ..core.pose.pins.pin import Pin
+from ..core.pose.pins.pin import Pin, check_inside
 from ..gssmc_addon.clicks import surface
 from ..gssmc_addon.jobs.operator import Idle
 from ..gssmc_addon.pins import state
@@ -49,7 +49,9 @@ class GSSMC_OT_add_pin(NeedsPhoto, Idle, PlainOperator, bpy.types.Operator):
             point = self._seen(context, camera, splat)
         else:
             raise RefineError(rpt_("A pin needs its point of the splat; give world, or splat_x and splat_y."))
-        number = state.add(camera.data, Pin((self.photo_x, self.photo_y), point, self.weight)) + 1
+        pin = Pin((self.photo_x, self.photo_y), point, self.weight)
+        check_inside([pin], *state.size_of(camera.data))
+        number = state.add(camera.data, pin) + 1
         if self.solve:
             return self.done(context, solve_and_keep(context))
         return self.done(context, rpt_('Pin {number} of "{name}" is set.', number=number, name=camera.name))

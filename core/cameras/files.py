@@ -107,17 +107,17 @@ def parse_file(path: Path, parse: Callable[[Any, str], T]) -> list[T]:
     return [parse(frame, f"Camera {i + 1} of '{path.name}'") for i, frame in enumerate(frames)]
 
 
-def load_json(path: Path) -> Any:
-    """The content of a JSON file. Raises CameraError when it is missing or no JSON."""
+def load_json(path: Path, what: str = "camera file") -> Any:
+    """The content of a JSON file, which `what` names. Raises CameraError when it is missing or no JSON."""
     try:
         return json.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise CameraError(f"There is no camera file at '{path}'; check the path.") from None
+        raise CameraError(f"There is no {what} at '{path}'; check the path.") from None
     except OSError as error:
-        raise CameraError(f"The camera file '{path}' cannot be read ({error.strerror}); check the path.") from error
+        raise CameraError(f"The {what} '{path}' cannot be read ({error.strerror}); check the path.") from error
     except (ValueError, RecursionError) as error:  # no JSON, no UTF-8, or a number of thousands of digits
         where = f" (line {error.lineno}: {error.msg})" if isinstance(error, json.JSONDecodeError) else ""
-        raise CameraError(f"The camera file '{path.name}' is no valid JSON{where}; correct it or export it again.") from None
+        raise CameraError(f"The {what} '{path.name}' is no valid JSON{where}; correct it or export it again.") from None
 
 
 def write_cameras(path: str | Path, cameras: list[Camera]) -> None:

@@ -16,7 +16,7 @@ from ..geometry.pinhole_cut import WideCamera
 from ..photos.fit import fit_camera
 from ..photos.photo import Photo
 from ..pose.pins.lift import lifted_pins
-from ..pose.pins.pin import Pin, pin_to_dict, read_pins
+from ..pose.pins.pin import Pin, check_inside, pin_to_dict, read_pins
 from ..pose.pins.place import FOCAL_PINS, LEAST, PinLens, PinOptions, look_at_pins, place_by_pins
 from ..pose.pins.report import PinReport
 from ..pose.report_json import pose_to_dict
@@ -45,6 +45,7 @@ class Pinning:
         if start is None:
             assert isinstance(wanted, Unplaced)
             start = self._looking(photo, wanted, pins)
+        check_inside(pins, start.intrinsics.width, start.intrinsics.height)
         return place_by_pins(start, pins, options)
 
     def _start(self, photo: Photo, wanted: Camera) -> Camera:

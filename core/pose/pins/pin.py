@@ -71,6 +71,16 @@ def pinned_points(pins: Sequence[Pin], lens: Intrinsics, scale: float = np.inf) 
     return PinnedPoints.of(worlds(pins), photos(pins), pin_std_px(lens), weights, scale)
 
 
+def check_inside(pins: Sequence[Pin], width: int, height: int) -> None:
+    """Raises CameraError where a pin's pixel lies farther outside of its photo of `width` x `height` pixels than that is large:
+    a little outside, an edge may have been drawn on.
+    """
+    for pin in pins:
+        x, y = pin.photo
+        if not (-width <= x <= 2 * width and -height <= y <= 2 * height):
+            raise CameraError(f"A pin lies at ({x:g}, {y:g}), far outside of the {width} x {height} photo; set it inside.")
+
+
 def worlds(pins: Sequence[Pin]) -> FloatArray:
     """The points of the pins (N, 3)."""
     return np.array([pin.world for pin in pins], np.float64).reshape(-1, 3)
@@ -85,7 +95,7 @@ def read_pins(path: Path) -> list[Pin | ViewPin]:
     """The pins of a file: {"pins": [{"photo": [x, y], "world": [x, y, z], "weight": 1}, ...]}, or with "view": [x, y] in place
     of "world"; a result that holds its pins serves as well. Raises CameraError.
     """
-    data = load_json(path)
+    data = load_json(path, "file of pins")
     records = data.get("pins") if isinstance(data, dict) else data
     if not isinstance(records, list) or not records:
         raise CameraError(f"'{path.name}' has no list of pins under \"pins\"; give at least three there.")

@@ -12,13 +12,15 @@ from ...support.words import counted
 from ..verdict.sentences import per_cent, pixels
 from .report import PinReport
 
+# From so many per cent of the distance on, the numbers say no more than that the pins do not hold the camera.
+NO_HOLD_PCT = 100.0
 NAMED = 3  # outliers that are named, the worst first
 
 
 def placed(report: PinReport) -> str:
     """How well the pins fit, and what is known of the camera by them."""
     fits = f"Placed by pins: {counted(len(report.pins), 'pin')} to {pixels(float(np.median(report.errors_px)))}"
-    if not isfinite(report.translation_std_pct):
+    if not report.translation_std_pct < NO_HOLD_PCT:
         return f"{fits}."
     sure = f"about {per_cent(report.translation_std_pct)} of the distance and {report.rotation_std_deg:.1f} degrees sure"
     if not report.solved_focal:

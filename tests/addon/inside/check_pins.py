@@ -90,6 +90,7 @@ def test_refine_holds_pins_where_that_is_asked_for_and_a_pinned_camera_outlives_
         ({}, "photo_x"),
         ({"photo_x": 1, "photo_y": 2}, "point"),
         ({"photo_x": 1, "photo_y": 2, "splat_x": np.nan, "splat_y": 2}, "shows nothing there"),
+        ({"photo_x": 1, "photo_y": -900, "world": (0, 0, 0)}, "far outside"),
     ],
 )
 def test_half_a_pin_is_refused(bpy, solved, more, said):

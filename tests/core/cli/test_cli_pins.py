@@ -86,6 +86,11 @@ def test_too_few_pins_and_files_that_hold_none_are_refused(place, pins, tmp_path
         assert code == 2 and words in err
     code, _, err = run(capsys, *common, written(tmp_path / "few.json", []), "--camera", start)
     assert code == 2 and "no list of pins" in err
+    outside = written(tmp_path / "outside.json", [*pins[1:], {**pins[0], "photo": [-500, 40]}])
+    code, _, err = run(capsys, *common, outside, "--camera", start)
+    assert code == 2 and "far outside" in err
+    code, _, err = run(capsys, *common, tmp_path / "gone.json", "--camera", start)
+    assert code == 2 and "no file of pins at" in err
     file = written(tmp_path / "pins.json", pins)
     code, _, err = run(capsys, *common, file, "--camera", start, "--out", file)
     assert code == 2 and "overwrite the pins" in err

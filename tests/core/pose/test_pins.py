@@ -145,6 +145,16 @@ def test_pins_on_one_line_are_no_camera_that_is_placed(clicker):
     assert report.state == "doubtful" and any("one line" in reason for reason in report.reasons)
 
 
+def test_three_pins_that_hold_nothing_are_told_without_numbers():
+    """A camera on the cylinder through three points, along which it may move unseen."""
+    start = Camera(LENS, Pose())
+    world = np.array([(1.0, 1.02, 4.0), (2.0, 0.0, 4.0), (1.0, -1.0, 4.0)])
+    pins = [Pin(tuple(p), tuple(w)) for p, w in zip(LENS.project(world).tolist(), world.tolist(), strict=True)]
+    report = place_by_pins(start, pins, PinOptions("fixed"))
+    assert 100 < report.translation_std_pct < np.inf and report.state == "doubtful"
+    assert report.reasons[0] == "Placed by pins: 3 pins to less than 0.1 px." and "loosely" in report.reasons[1]
+
+
 def test_no_pins_and_points_behind_every_camera_are_refused(clicker):
     truth, _ = clicker.pins(0, 3)
     with pytest.raises(RefineError, match="no pin"):
