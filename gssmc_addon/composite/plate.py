@@ -60,12 +60,16 @@ def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object) -> Backplate:
 
 
 def of_splat(scene: bpy.types.Scene) -> Backplate:
-    """The rendered frames of the splat. Raises PhotoError when there are none."""
+    """The rendered frames of the splat. Raises PhotoError when there are none, or some are missing."""
     kept = scene.gssmc.composite
     folder = Path(bpy.path.abspath(kept.frames_folder))
     width, height = kept.frames_size
     if not (width and height and frame_file(folder, kept.frames_range[0]).exists()):
         raise PhotoError(rpt_("No frames of the splat are rendered yet; use Render Splat first."))
+    first, last = kept.frames_range
+    gone = next((number for number in range(first, last + 1) if not frame_file(folder, number).exists()), None)
+    if gone is not None:
+        raise PhotoError(rpt_("Frame {number} of the splat is missing; use Render Splat again, which makes it.", number=gone))
     return Backplate(None, None, None, Intrinsics(width, height, width, width, width / 2, height / 2), folder)
 
 

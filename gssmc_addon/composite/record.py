@@ -18,6 +18,7 @@ SCENE_PATHS = (
     "render.resolution_percentage",
     "render.pixel_aspect_x",
     "render.pixel_aspect_y",
+    "render.use_crop_to_border",
     "render.film_transparent",
     "render.dither_intensity",
     "render.use_compositing",

@@ -63,7 +63,8 @@ def set_up(scene: bpy.types.Scene, lens_on: str = BEND, behind: str = PHOTO) -> 
         shot = replace(shot, plate=plate.of_camera(scene, shot.camera))
     kept = scene.gssmc.composite
     depth_pass = f'view_layers["{bpy.utils.escape_identifier(tree.layer_of(scene))}"].use_pass_z'
-    kept.before = json.dumps(record.values(scene, (*record.SCENE_PATHS, depth_pass)))
+    paths = (*record.SCENE_PATHS, depth_pass) if behind == SPLAT else record.SCENE_PATHS
+    kept.before = json.dumps(record.values(scene, paths))
     kept.engine, kept.camera = scene.render.engine, shot.camera
     try:
         notes = _apply(scene, shot, kept)
@@ -85,6 +86,7 @@ def _apply(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite) ->
     notes += look.make_plain(scene)
     scene.render.film_transparent = scene.render.use_compositing = True
     scene.render.dither_intensity = 0  # It would be added to the plate.
+    scene.render.use_crop_to_border = False  # Blender would squeeze the whole plate into the border.
     if by_depth:
         scene.view_layers[tree.layer_of(scene)].use_pass_z = True
     parts = tree.Parts(_behind(shot, kept), _map(shot, kept), shown, by_depth)

@@ -217,3 +217,31 @@ def test_a_copy_of_the_scene_or_of_the_camera_takes_no_lens_along(bpy, place):
     data.type = "ORTHO"
     with pytest.raises(RuntimeError, match="ortho"):
         bpy.ops.gssmc.set_up_composite()
+
+
+def test_a_render_of_a_border_shows_that_part_of_the_plate(bpy, extension, place, tmp_path):
+    scene = place.scene
+    bpy.data.objects.remove(place.proxy)
+    scene.render.use_border = scene.render.use_crop_to_border = True
+    scene.render.border_max_x = 0.5
+    bpy.ops.gssmc.set_up_composite()
+    got = shots.render(bpy, scene, tmp_path / "part.png", 1)
+    half = slice(0, shots.WIDTH // 2)
+    assert np.abs(got[:, half] - place.plate[:, half]).max() <= 1
+    scene.view_layers[0].name = "renamed"
+    assert extension("gssmc_addon.composite.setup").remove(scene) == [], "a photo's composite touches no layer"
+    assert scene.render.use_border and scene.render.use_crop_to_border
+
+
+def test_a_frame_of_the_splat_that_is_gone_is_named(bpy, place, tmp_path):
+    scene = place.scene
+    scene.render.resolution_x, scene.render.resolution_y, scene.frame_end = 32, 24, 3
+    for frame in (1, 3):
+        scene.camera.location.x = frame / 10
+        scene.camera.keyframe_insert("location", frame=frame)
+    assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames")) == {"FINISHED"}
+    (tmp_path / "frames" / "splat_0002.exr").unlink()
+    with pytest.raises(RuntimeError, match="Frame 2 of the splat is missing"):
+        bpy.ops.gssmc.set_up_composite(behind="SPLAT")
+    assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames")) == {"FINISHED"}
+    assert bpy.ops.gssmc.set_up_composite(behind="SPLAT") == {"FINISHED"}
