@@ -91,11 +91,17 @@ def range_of(operator: bpy.types.Operator, scene: bpy.types.Scene) -> tuple[int,
     low, high = shared_range(scene)
     start = operator.start if operator.properties.is_property_set("start") else low
     end = operator.end if operator.properties.is_property_set("end") else high
+    if start > end:
+        raise RefineError(rpt_("The range ends at frame {end}, before its start {start}; exchange them.", start=start, end=end))
     first, last = _plate_of(scene).reach
     if not first <= start <= end <= last:
         values = {"start": start, "end": end, "first": first, "last": last}
-        text = "The plate covers the frames {first} to {last} of the scene, not {start} to {end}; set Start and End among them."
-        raise RefineError(rpt_(text, **values))
+        raise RefineError(
+            rpt_(
+                "The plate covers the frames {first} to {last} of the scene, not {start} to {end}; set Start and End among them.",
+                **values,
+            )
+        )
     return start, end
 
 

@@ -72,9 +72,12 @@ def earlier(scene: bpy.types.Scene, camera: bpy.types.Object, start: int, end: i
     if name != _shows(plate)[0] or all(start <= frame.frame <= end for frame in track.frames):
         return None
     if offset != plate.offset:
-        values = {"count": abs(plate.offset - offset)}
-        text = "The plate was shifted by {count} frames since it was tracked; shift it back, or track every frame."
-        raise RefineError(rpt_(text, **values))
+        raise RefineError(
+            rpt_(
+                "Another frame of the plate shows at frame {frame} than when it was tracked; shift it back, or track every frame.",
+                frame=scene.frame_current,
+            )
+        )
     if change == "LENS":
         raise RefineError(
             rpt_("The lens changed since the plate was tracked, and holds for all of it; use Back to Solution first.")
@@ -98,9 +101,13 @@ def _check_beside(scene: bpy.types.Scene, camera: bpy.types.Object, track: Track
     then = SolvedCamera(next(iter(path.values())), "", (), 0, 0.0, "", depth, points, path=path)
     moved = camera_solution.moved_at(scene, camera, then, path)
     if moved:
-        text = "At frame {frame}, beside the range, the camera moved since it was tracked; take that frame into the range and "
-        text += "pin it, or use Back to Solution."
-        raise RefineError(rpt_(text, frame=moved[0]))
+        raise RefineError(
+            rpt_(
+                "At frame {frame}, beside the range, the camera moved since it was tracked; pin it and take it into the range, "
+                "or use Back to Solution.",
+                frame=moved[0],
+            )
+        )
 
 
 def _keys(job: TrackJob, frames: list[TrackedFrame]) -> camera_keys.KeyOptions:
