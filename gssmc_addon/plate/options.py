@@ -98,7 +98,7 @@ def range_of(operator: bpy.types.Operator, scene: bpy.types.Scene) -> tuple[int,
         values = {"start": start, "end": end, "first": first, "last": last}
         raise RefineError(
             rpt_(
-                "The plate covers the frames {first} to {last} of the scene, not {start} to {end}; set Start and End among them.",
+                "The plate covers the frames {first} to {last} of the scene, not {start} to {end}; choose among them.",
                 **values,
             )
         )

@@ -74,7 +74,7 @@ def earlier(scene: bpy.types.Scene, camera: bpy.types.Object, start: int, end: i
     if offset != plate.offset:
         raise RefineError(
             rpt_(
-                "Another frame of the plate shows at frame {frame} than when it was tracked; shift it back, or track every frame.",
+                "Another frame of the plate shows at frame {frame} than when it was tracked; shift it back, or track all.",
                 frame=scene.frame_current,
             )
         )
