@@ -1,6 +1,6 @@
 """Proxy meshes: how long they take, and how far they lie from the scan and from exact truth.
 
-    .venv/bin/python benchmarks/proxy.py [--only room fox] [--faces 100000] [--threads 2] [--long-side 720]
+    .venv/bin/python benchmarks/proxy.py [--only room fox] [--faces 100000] [--threads 2] [--long-side 720] [--smooth 4]
 
 "room" is the procedural room, made from six cameras, or from one, and seen from six others, or from that one; its truth is
 exact, but for the bush, which is left out. "fox" is the scan in ../shared/scenes/fox, made from ten of the cameras that it was
@@ -152,8 +152,9 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", choices=("room", "fox"), default=("room", "fox"))
     for flag, default in (("--faces", 100_000), ("--threads", 2), ("--long-side", 720)):
         parser.add_argument(flag, type=int, default=default)
+    parser.add_argument("--smooth", type=float, default=ProxySettings.smooth_px)
     args = parser.parse_args()
-    settings = ProxySettings(faces=args.faces, long_side_px=args.long_side, threads=args.threads)
+    settings = ProxySettings(faces=args.faces, long_side_px=args.long_side, smooth_px=args.smooth, threads=args.threads)
     print(line(*COLUMNS), line(*["---"] * len(COLUMNS)), sep="\n")
     if "room" in args.only:
         for count in (6, 1):

@@ -8,6 +8,7 @@ from ..operators import (
     add_photo,
     add_photo_folder,
     add_photos,
+    add_pin,
     add_plate,
     back_to_solution,
     camera_from_view,
@@ -25,20 +26,25 @@ from ..operators import (
     match_resolution,
     models,
     pin_frame,
+    place_by_pins,
     preview,
     refine,
     refine_all,
     refine_sequence,
     remove_composite,
     remove_photo,
+    remove_pin,
     render_splat,
     report_problem,
     reset_settings,
     review,
     same_lens,
+    set_floor,
     set_mask,
     set_masks,
+    set_scale,
     set_up_composite,
+    solve_pins,
     track_plate,
     undistort_photo,
     undistort_plate,
@@ -47,10 +53,13 @@ from ..operators import (
 )
 from .camera import frame as camera_frame
 from .composite import panel as composite_panel
+from .floor import panel as floor_panel
 from .headless import command as cli
 from .jobs import slot
 from .look import cards
 from .photo import panel as photo_panel
+from .pins import marks
+from .pins import panel as pins_panel
 from .plate import panel as plate_panel
 from .plate.track import plot as frame_plot
 from .preview import flicker
@@ -98,14 +107,22 @@ _class_modules = (
     refine_sequence,
     pin_frame,
     weak_frame,
+    add_pin,
+    remove_pin,
+    solve_pins,
+    place_by_pins,
+    set_floor,
+    set_scale,
     make_proxy,
     set_up_composite,
     remove_composite,
     render_splat,
     panels,
+    pins_panel,
     photo_panel,
     preview_panel,
     plate_panel,
+    floor_panel,
     proxy_panel,
     composite_panel,
     menus,
@@ -125,6 +142,7 @@ def register() -> None:
     camera_frame.register()
     viewport.register()
     cards.register()
+    marks.register()
     preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
@@ -133,6 +151,7 @@ def unregister() -> None:
     slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
     cards.unregister()
+    marks.unregister()
     viewport.unregister()
     camera_frame.unregister()
     flicker.unregister()

@@ -50,7 +50,7 @@ class GSSMC_OT_make_proxy(AskingJobOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context, job: ProxyJob, result: ProxyMesh) -> set[str]:
         scene, splat = job.find()
-        made = proxy_build.put(scene, splat, result, job.cameras, self.use, self.replace)
+        made = proxy_build.put(scene, splat, proxy_build.Made(result, job.cameras), self.use, self.replace)
         values = {"name": made.name, "count": len(result.faces), "views": len(job.cameras)}
         if len(job.cameras) == 1:
             return self.done(context, rpt_('"{name}": {count:,} triangles, from 1 camera.', **values))

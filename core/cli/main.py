@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from ..errors import GssmcError
-from .commands import batch, convert, demo, evaluate, features, locate, proxy, refine, render, stmap, track
+from .commands import batch, convert, demo, evaluate, features, locate, pins, proxy, refine, render, stmap, track
 from .commands import map as make_map
 from .console import message
 from .flags import OneLineParser
@@ -20,6 +20,7 @@ COMMANDS = {
     "render": render,
     "refine": refine,
     "locate": locate,
+    "pins": pins,
     "batch": batch,
     "map": make_map,
     "demo": demo,
@@ -31,7 +32,7 @@ COMMANDS = {
     "features": features,
 }
 WITHOUT_SCENE = frozenset(
-    {"evaluate", "convert", "stmap", "features", "map", "track", "proxy"}
+    {"evaluate", "convert", "stmap", "features", "map", "pins", "track", "proxy"}
 )  # a caller that saves scenes has nothing to add to them
 
 

@@ -35,5 +35,7 @@ def write_json(out: Path, data: dict[str, Any]) -> None:
 
 def summary(record: dict[str, Any]) -> str:
     """One line for people."""
+    if record["verdict"] == "pinned":
+        return " ".join(record["reasons"])
     after = f"after {counted(len(record['iterations']), 'iteration')}, {record['seconds']:.1f} s"
     return f"{record['verdict']} {after}. {' '.join(record['reasons'])}"

@@ -20,6 +20,8 @@ from .attempt import DONE, MORE_TRIES, Attempt, Judgement, better, later
 from .final.solution import FittedCamera, from_epipolar
 from .final.stage import FinalStage
 from .lens_report import crop_sentence, lens_evidence, lens_numbers, lens_sentence
+from .pins.held import HELD_OUTLIER, left_pins
+from .pins.pin import Pin, pinned_points
 from .report import IterationRecord, RefineProgress, RefineReport
 from .search.loop import LOOP_SHARE, Answer, Loop, LoopResult
 from .search.observe import PhotoFeatures, extract_photo_features
@@ -61,23 +63,25 @@ def refine(
     return run_to_end(iterate_refinement(renderer, photo, camera, settings or RefineSettings()), on_progress)
 
 
-def iterate_refinement(renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings) -> Progress:
+def iterate_refinement(
+    renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings, pins: Sequence[Pin] = ()
+) -> Progress:
     """The loop as a generator: yields a `RefineProgress` after every rendered view and returns the `RefineReport`.
 
     `camera` is the start: its intrinsics belong to the photo at its full size (see `photo.check_size`), its pose is
-    world-to-camera in the splat file's coordinates. Closing the generator cancels; nothing outside it is touched.
+    world-to-camera in the splat file's coordinates. `pins`: points of the scan that somebody holds to pixels of the photo; they
+    pull at the camera in the last stage as much as clicks by hand and their weights say, and where it leaves them, it is
+    doubted. Closing the generator cancels; nothing outside it is touched.
     """
     with make_frontend(settings) as frontend:
-        return (yield from _refine_with(frontend, renderer, photo, camera, settings))
+        return (yield from _refine_with(frontend, _Refinement(renderer, photo, camera, settings, tuple(pins))))
 
 
-def _refine_with(
-    frontend: Frontend, renderer: ViewRenderer, photo: Photo, camera: Camera, settings: RefineSettings
-) -> Progress:
+def _refine_with(frontend: Frontend, refinement: _Refinement) -> Progress:
     began = time.perf_counter()
-    refinement = _Refinement(renderer, photo, camera, settings)
+    photo, camera, settings = refinement.photo, refinement.start, refinement.settings
     extract = partial(extract_photo_features, photo, camera.intrinsics, settings.long_side_px)
-    loop, features = Loop(renderer, settings, frontend, refinement.solves_lens, extract), extract(frontend)
+    loop, features = Loop(refinement.renderer, settings, frontend, refinement.solves_lens, extract), extract(frontend)
     records: list[IterationRecord] = []
     if len(features) < MIN_PHOTO_FEATURES:
         loop, features = loop.stronger(features, 0, 1)
@@ -105,6 +109,7 @@ class _Refinement:
     photo: Photo
     start: Camera
     settings: RefineSettings
+    pins: tuple[Pin, ...] = ()
 
     @property
     def solves_lens(self) -> bool:
@@ -175,7 +180,12 @@ class _Refinement:
         photo = WorkingPhoto.of(self.photo, self.start.intrinsics, self.settings.final_long_side_px)
         size = (photo.intrinsics.width, photo.intrinsics.height)
         start = CameraUnknowns(answer.fit.pose, answer.intrinsics.resized(*size))
-        work = FinalStage.of(self.renderer, self.settings, self.prior.resized(*size)).run(photo, start, rng)
+        stage = FinalStage.of(self.renderer, self.settings, self.prior.resized(*size))
+        if self.pins:
+            given = self.start.intrinsics
+            held = pinned_points(self.pins, given, HELD_OUTLIER).resized(size[0] / given.width, size[1] / given.height)
+            stage = replace(stage, pins=held)
+        work = stage.run(photo, start, rng)
         fraction = LOOP_SHARE
 
         def progress(step: str) -> RefineProgress:
@@ -205,6 +215,9 @@ class _Refinement:
             kept = assess_start(self.start.pose, loop.start, photo, loop.start_depth)
             rejected = sentences.details(replace(quality, of="rejected"))
             return Judgement("check", (sentences.start_kept(kept, quality),), (*sentences.details(kept), *rejected), kept)
+        left = left_pins(self.pins, self.full_size(solution.camera)) if verdict != "failed" else ""
+        if left:
+            verdict, reasons = "check", (left, *(reasons if verdict == "check" else ()))
         return Judgement(verdict, reasons, sentences.details(quality), quality)
 
     def _cropped(self, solution: FittedCamera | None) -> str:

@@ -56,7 +56,7 @@ def decimated(
         before = len(faces)
         if number % REST == 0:
             mesh.resting[:] = False
-        faces = _round(mesh, faces, _Round(budget, careful, rng))
+        faces = _round(mesh, faces, _Pace(budget, careful, rng))
         yield min(1.0, (whole - len(faces)) / (whole - budget))
         if len(faces) <= budget:
             break
@@ -84,7 +84,7 @@ def _quadrics(vertices: FloatArray, faces: IntArray, cell: FloatArray) -> FloatA
 
 
 @dataclass(frozen=True)
-class _Round:
+class _Pace:
     """`careful`: what would turn a face over or pinch the surface together stays as it is."""
 
     budget: int
@@ -92,7 +92,7 @@ class _Round:
     rng: np.random.Generator
 
 
-def _round(mesh: _Mesh, faces: IntArray, how: _Round) -> IntArray:
+def _round(mesh: _Mesh, faces: IntArray, how: _Pace) -> IntArray:
     """The faces after one round."""
     edges, shared = _edges(faces, len(mesh.vertices))
     border = np.zeros(len(mesh.vertices), bool)

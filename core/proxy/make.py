@@ -82,7 +82,7 @@ def _drawn(
     for number, camera in enumerate(cameras, 1):
         yield ProxyStep("drawing views", FUSING * (number - 1) / len(cameras), number, len(cameras))
         own = Camera(covering(camera.intrinsics).with_long_side(settings.long_side_px), camera.pose, camera.file)
-        view = DepthView.of(own, *renderer.render(own, should_stop))
+        view = DepthView.of(own, *renderer.render(own, should_stop), settings.smooth_px)
         if (view.depth > 0).any():
             views.append(view)
     if not views:

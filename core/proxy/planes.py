@@ -23,7 +23,7 @@ from ..splats.scene import GaussianScene
 
 Float32Array = NDArray[np.float32]
 
-FLATTEST = 0.1  # of a Gaussian's largest deviation: a thinner one seen edge-on would be a plane through the camera
+FLATTEST = 0.2  # of a Gaussian's largest deviation: a thinner one seen edge-on would be a plane through the camera
 RANGE_PCT = (0.5, 99.5)  # of the planes in front of the camera: what lies outside is taken to lie at the end
 TRUSTED_STD = 2.0  # deviations of the expected depth within which a plane's depth must lie
 

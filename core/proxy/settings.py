@@ -8,7 +8,7 @@ from ..errors import ProxyError
 from ..support.options import check_options, option
 
 # Of the triangles that the grid is made for; decimation leaves the budget. More make edges finer, and take longer.
-OVERSAMPLING = 4
+OVERSAMPLING = 5
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,17 @@ class ProxySettings:
     long_side_px: int = field(
         default=720,
         metadata=option("views are drawn at this length of their longer side", low=64, high=4096, soft_low=320, unit="px"),
+    )
+    smooth_px: float = field(
+        default=4.0,
+        metadata=option(
+            "ripples of the splat's depth that are narrower than this in a view are taken out, for they would catch light and "
+            "shadow; 0: none",
+            low=0,
+            high=50,
+            soft_high=12,
+            unit="px",
+        ),
     )
     threads: int = field(default=0, metadata=option("CPU threads that draw a view, 0 = all cores", low=0, high=4096))
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .blocks import CORNERS, SIDE, Blocks, IntArray
 from .space import Float32Array
 
-# A surface changes by 1 / BAND from voxel to voxel. Where one view alone sees a near surface beside a far one, the voxels behind
+# A surface changes by 1 / BAND from voxel to voxel. Where one view alone sees a near surface beside a far one, voxels behind
 # the near one lie beside voxels in the open, and the surface would go on behind its edge for as long as the band is: a rim as
 # wide as this lets it be makes the edge as sharp as the voxels are, and the rest is no surface that anybody has seen.
 STEP = 1.4

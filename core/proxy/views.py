@@ -19,6 +19,8 @@ JUMP = 0.03  # of the depth: neighbours that are farther apart belong to two sur
 BEND = 0.003  # of the depth, from pixel to pixel: less is no jump, but a steep surface
 # Of a pixel, from which on it counts as the near surface's: Gaussians at an edge reach out over it, some pixels wide.
 NEAR_SHARE = 0.75
+RIPPLE = 0.02  # of the depth: the deviation of the filter that takes ripples out
+NOWHERE = 1e-20  # in place of a depth of 0, which has no logarithm
 MARGIN, MOST_BENT = 0.03, 0.3  # of the picture's longer side; of each side
 REACH_PX = 2  # how far from a jump a pixel may show both surfaces
 MIN_STD = 0.005  # of the depth: no depth is taken to be known better
@@ -39,10 +41,13 @@ class DepthView:
     color: Float32Array
 
     @classmethod
-    def of(cls, camera: Camera, view: RenderedView, depth: Float32Array) -> DepthView:
-        """`camera` drew the view, whose distortion was ignored; `depth` (H, W) is the best that is known of it."""
+    def of(cls, camera: Camera, view: RenderedView, depth: Float32Array, smooth_px: float = 0.0) -> DepthView:
+        """`camera` drew the view, whose distortion was ignored; `depth` (H, W) is the best that is known of it. `smooth_px` as
+        in ProxySettings.
+        """
         camera = replace(camera, intrinsics=camera.intrinsics.pinhole())
         depth = sharpened(np.where(view.alpha >= MIN_ALPHA, depth, 0).astype(np.float32))
+        depth = smoothed(depth, smooth_px) if smooth_px > 0 else depth
         slope = _slope(camera.intrinsics, depth)
         variance = view.depth_variance + (MIN_STD * depth) ** 2
         weight = np.where(depth > 0, view.alpha**2 * slope**2 / np.maximum(variance, 1e-20), 0)
@@ -86,6 +91,17 @@ def sharpened(depth: Float32Array) -> Float32Array:
         bridge = known & (far - near > JUMP * near) & (cv2.dilate(bend, kernel) > BEND)
         is_near = inverse > NEAR_SHARE / near + (1 - NEAR_SHARE) / far
     return np.where(bridge, np.where(is_near, near, far), depth).astype(np.float32)
+
+
+def smoothed(depth: Float32Array, width_px: float) -> Float32Array:
+    """Depth (H, W) without the ripples that Gaussians leave in a surface, which would catch light and shadow; jumps and 0 stay.
+
+    A bilateral filter (Tomasi and Manduchi, 1998) of the logarithm, so that the ripples' size is a share of the depth.
+    """
+    known = depth > 0
+    logs = np.where(known, np.log(np.maximum(depth, NOWHERE)), np.float32(np.log(NOWHERE))).astype(np.float32)
+    found = cv2.bilateralFilter(logs, -1, RIPPLE, width_px)
+    return np.where(known, np.exp(found), 0).astype(np.float32)
 
 
 def _bend(values: Float32Array) -> Float32Array:

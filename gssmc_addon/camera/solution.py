@@ -132,7 +132,7 @@ def moved_at(scene: bpy.types.Scene, camera: bpy.types.Object, then: SolvedCamer
 def verdict(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     """The camera's verdict as it holds now: CHANGED where the camera is no longer what was trusted, or to be checked."""
     kept: str = camera.data.gssmc.verdict
-    return CHANGED if kept in ("TRUSTED", "CHECK") and change(scene, camera) else kept
+    return CHANGED if kept in ("TRUSTED", "CHECK", "PINNED") and change(scene, camera) else kept
 
 
 def title(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:

@@ -13,6 +13,7 @@ import bpy
 from ...core.errors import CameraError
 from ...core.geometry import conventions
 from ...core.pictures.overscan import MOST, overscan_ratio
+from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import frame as camera_frame
 from ..camera import solution as camera_solution
@@ -52,7 +53,7 @@ class CompositeShot:
 def set_up(scene: bpy.types.Scene, lens_on: str = BEND, behind: str = PHOTO) -> list[str]:
     """Sets the scene up for its camera, anew where a composite is there already. Returns sentences for the artist.
 
-    Raises CameraError or PhotoError, with nothing changed, when camera, photo or solution is missing.
+    Raises CameraError or PhotoError, with nothing changed, when camera or photo is missing.
     """
     shot = check(scene, lens_on, behind)
     if scene.gssmc.composite.is_set_up:
@@ -74,8 +75,10 @@ def set_up(scene: bpy.types.Scene, lens_on: str = BEND, behind: str = PHOTO) -> 
 
 def _apply(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite) -> list[str]:
     """Makes every change. Returns sentences for the artist."""
-    shown = look.of_scene(scene)
-    notes = _set_frame(scene, shot, kept)
+    shown, notes = look.of_scene(scene), []
+    if shot.plate.frames is None and not shot.camera.data.gssmc.solution:
+        notes.append(rpt_('The camera "{name}" was not solved here; its place is a file\'s, or yours.', name=shot.camera.name))
+    notes += _set_frame(scene, shot, kept)
     by_depth = shot.plate.frames is not None and not stage.used_proxies(scene)
     notes += stage.set_stage(scene, kept, shot.plate.frames is not None)
     notes += look.make_plain(scene)
@@ -99,10 +102,6 @@ def check(scene: bpy.types.Scene, lens_on: str, behind: str = PHOTO) -> Composit
 
 def _check_photo(scene: bpy.types.Scene, camera: bpy.types.Object, lens_on: str) -> CompositeShot:
     behind = plate.of_camera(scene, camera)
-    if not camera.data.gssmc.solution:
-        raise CameraError(
-            rpt_('The camera "{name}" is not solved yet; use Find Camera or Refine Camera first.', name=camera.name)
-        )
     straightens = lens_on == STRAIGHTEN and behind.lens.has_distortion
     if not straightens and behind.lens.has_distortion and not camera_channels.is_lens_writable(camera.data):
         raise CameraError(
@@ -151,6 +150,8 @@ def _set_frame(scene: bpy.types.Scene, shot: CompositeShot, kept: GssmcComposite
     for camera in {obj.data for obj in scene.objects if obj.type == "CAMERA" and obj.data.is_editable}:
         item = kept.cameras.add()
         item.data, item.before = camera, record.of_camera(camera)
+    if shot.plate.frames is None and not data.gssmc.frame_x and data.is_editable:
+        camera_bridge.move_to_render(scene, data, *shot.plate.size)  # A lens that was set by hand is to follow the resolution.
     (render.resolution_x, render.resolution_y), render.resolution_percentage = shot.plate.size, 100
     if shot.plate.frames is None:
         render.pixel_aspect_x, render.pixel_aspect_y = conventions.pixel_aspects(data.gssmc.photo_pixel or 1.0)
@@ -178,8 +179,9 @@ def _zooms(data: bpy.types.Camera) -> bool:
 
 def _behind(shot: CompositeShot, kept: GssmcComposite) -> Backplate:
     if shot.plate.frames:
-        image = bpy.data.images.load(str(plate.frame_file(shot.plate.frames, kept.frames_range[0])))
-        image.source = "SEQUENCE"
+        first, last = kept.frames_range
+        image = bpy.data.images.load(str(plate.frame_file(shot.plate.frames, first)))
+        image.source = "SEQUENCE" if first < last else "FILE"  # of one frame at all times
         kept.images.add().image = image
         return replace(shot.plate, image=image)
     if shot.straight is None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from ...core.errors import GssmcError
 from ...core.photos.photo import Photo
+from ...core.pose.pins.pin import Pin
 from ...core.pose.report import RefineProgress, RefineReport
 from ...core.pose.settings import RefineSettings
 from ...core.render.sharing import quick_handover
@@ -26,12 +27,15 @@ Steps = Generator[Any, None, Any]  # Yields progress, returns the result.
 
 @dataclass(frozen=True)
 class RefineInputs:
-    """Everything a refinement needs, copied out of Blender; the renderer may be shared with others that run after it."""
+    """Everything a refinement needs, copied out of Blender; the renderer may be shared with others that run after it. `pins`:
+    those that are to be held.
+    """
 
     splat: SplatRenderer
     photo: PhotoSource
     camera: CameraCopy
     settings: RefineSettings
+    pins: tuple[Pin, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ def refinement(inputs: RefineInputs) -> Generator[RefineProgress, None, RefineRe
     photo: Photo = inputs.photo.read()
     camera = inputs.camera.at_size(photo.width, photo.height)
     yield RefineProgress(0, inputs.settings.iterations, "Preparing the splat", 0.0)
-    return (yield from iterate_refinement(inputs.splat.get(), photo, camera, inputs.settings))
+    return (yield from iterate_refinement(inputs.splat.get(), photo, camera, inputs.settings, inputs.pins))
 
 
 class WorkThread:

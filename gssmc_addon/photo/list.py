@@ -99,7 +99,7 @@ def show(context: bpy.types.Context, scene: bpy.types.Scene) -> bool:
     camera_frame.follow(scene)
     context.view_layer.update()  # A camera that was just linked is not in the view layer yet.
     look_cameras.show_one(scene, context.view_layer)
-    if camera_solution.verdict(scene, camera) in ("TRUSTED", "CHECK"):
+    if camera_solution.verdict(scene, camera) in ("TRUSTED", "CHECK", "PINNED"):
         photo_camera.stop_moving_with_view()
     if camera.name in context.view_layer.objects:
         photo_camera.look_through(context, camera)

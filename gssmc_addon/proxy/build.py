@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
@@ -18,11 +19,17 @@ COLOR = "Color"
 MOST_UVS = 8  # UV maps of a mesh that Blender takes
 
 
-def put(
-    scene: bpy.types.Scene, splat: bpy.types.Object, mesh: ProxyMesh, cameras: Sequence[Camera], use: str, replace: bool
-) -> bpy.types.Object:
+@dataclass(frozen=True)
+class Made:
+    """A mesh, and the cameras that it was made from."""
+
+    mesh: ProxyMesh
+    cameras: Sequence[Camera]
+
+
+def put(scene: bpy.types.Scene, splat: bpy.types.Object, made: Made, use: str, replace: bool) -> bpy.types.Object:
     """The object of the new proxy; with `replace`, the splat's earlier one of the same use, which gets the new mesh."""
-    data = _data(splat.name, mesh, cameras)
+    data = _data(splat.name, made.mesh, made.cameras)
     earlier = [obj for obj in proxies_of(splat) if obj.gssmc.proxy_use == use and scene in obj.users_scene]
     if replace and earlier:
         return _exchanged(earlier[0], data)

@@ -13,7 +13,7 @@ from ..photo import image as photo_image
 from ..photo import list as photo_list
 from ..support.texts import rpt_
 
-SOLVED = ("TRUSTED", "CHECK")
+SOLVED = ("TRUSTED", "CHECK", "PINNED")
 
 
 def cameras_of(

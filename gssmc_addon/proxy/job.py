@@ -54,7 +54,8 @@ class ProxyJob(Job):
 
     def on_progress(self, news: ProxyStep) -> None:
         self.fraction = news.fraction
-        self.step = iface_(news.step[:1].upper() + news.step[1:])
+        step = iface_(news.step)
+        self.step = step[:1].upper() + step[1:]
         parts = [iface_("View {number} of {count}", number=news.view, count=news.views)] if news.view else []
         if self.fraction > LEAST_FRACTION:
             seconds = (time.perf_counter() - self._began) * (1 - self.fraction) / self.fraction

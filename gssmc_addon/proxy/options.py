@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ...core.proxy import ProxySettings
 from ...core.support.options import options_of
@@ -14,12 +14,12 @@ from .uses import USES
 
 CAMERAS = (
     ("ACTIVE", "This Camera", "What the scene's camera sees: quickest, and enough for a still"),
-    ("PHOTOS", "Solved Photos", "All photos of the list whose camera is trusted or to be checked"),
+    ("PHOTOS", "Solved Photos", "All photos of the list whose camera is trusted, to be checked or placed by pins"),
     ("PLATE", "Plate", "Frames of the scene camera's plate, as it was solved"),
 )
 OPTIONS = options_of(ProxySettings)
-TITLES = {"faces": "Triangles", "close_holes": "Close Holes", "long_side_px": "View Side (px)"}
-DIALOG = ("use", "cameras", "step", "faces", "close_holes", "replace")
+TITLES = {"faces": "Triangles", "close_holes": "Close Holes", "long_side_px": "View Side (px)", "smooth_px": "Smooth (px)"}
+DIALOG = ("use", "cameras", "step", "faces", "smooth_px", "close_holes", "replace")
 
 
 def proxy_annotations() -> dict[str, object]:
@@ -51,10 +51,10 @@ def _property(name: str) -> object:
         return BoolProperty(default=default, **common)
     common |= {"min": option.low, "max": option.high}
     common |= {"soft_min": option.soft_low or option.low, "soft_max": option.soft_high or option.high}
-    return IntProperty(default=default, **common)
+    return (FloatProperty if isinstance(default, float) else IntProperty)(default=default, **common)
 
 
 def settings_of(operator: bpy.types.Operator, context: bpy.types.Context) -> ProxySettings:
     """Raises ProxyError for values that make no sense."""
     threads = preferences.threads(context, context.scene.gssmc.threads)
-    return ProxySettings(operator.faces, operator.close_holes, operator.long_side_px, threads)
+    return ProxySettings(operator.faces, operator.close_holes, operator.long_side_px, operator.smooth_px, threads)

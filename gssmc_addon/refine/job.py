@@ -24,6 +24,7 @@ from ..jobs.worker import RefineInputs, Steps, refinement
 from ..photo import camera as photo_camera
 from ..photo import image as photo_image
 from ..photo import mask as mask_source
+from ..pins import state as pin_state
 from ..plate import source as plate_source
 from ..registration import camera_props, preferences
 from ..splat import object as splat_object
@@ -121,7 +122,7 @@ def prepare(
     if renderer is None:
         copying = SplatCopying(splat)
         renderer = SplatRenderer(copying, settings.threads)
-    inputs = RefineInputs(renderer, source, copy, settings)
+    inputs = RefineInputs(renderer, source, copy, settings, pin_state.held(scene, camera.data))
     return RefineJob(Targets.of(scene, splat, camera, photo), inputs, copying)
 
 
@@ -177,6 +178,10 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
         camera_solution.keep(scene, camera, splat, camera_solution.of_report(report, state))
         if camera == scene.camera:
             photo_camera.stop_moving_with_view()
+    elif camera_solution.verdict(scene, camera) == "PINNED":  # It stands where its pins place it, as before.
+        camera_props.keep_verdict(
+            camera.data, pin_state.PINNED, (*camera.data.gssmc.reasons.splitlines(), report.reasons[0]), 0, report.seconds
+        )
     else:
         camera_props.keep_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     values: dict[str, object] = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}

@@ -5,11 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 from ..camera import bridge as camera_bridge
 from ..photo import image as photo_image
 from ..photo import mask as mask_source
+from ..pins.props import GssmcPin
 from ..support.texts import iface_
 
 VERDICTS = (
@@ -17,6 +26,7 @@ VERDICTS = (
     ("TRUSTED", "Trusted", "The camera fits the photo"),
     ("CHECK", "Check", "Look at the result before you rely on it"),
     ("FAILED", "Failed", "No camera was found; nothing was changed"),
+    ("PINNED", "Placed by Pins", "Pins that were set by hand place the camera, as well as the reasons say"),
 )
 LENS_STATES = (
     ("GUESSED", "Guessed", "From EXIF, or set by eye. Refine solves for it when Solve For is Auto"),
@@ -31,12 +41,21 @@ GUESSED, SOLVED, CALIBRATED = range(len(LENS_STATES))
 NOTHING_SAID = -1
 VERDICT_NAMES = {item[0]: item[1] for item in VERDICTS}
 # CHANGED means that the camera is no longer the one that got the verdict.
-VERDICT_ICONS = {"NONE": "NONE", "TRUSTED": "CHECKMARK", "CHECK": "QUESTION", "FAILED": "ERROR", "CHANGED": "LOOP_BACK"}
+VERDICT_ICONS = {
+    "NONE": "NONE",
+    "TRUSTED": "CHECKMARK",
+    "CHECK": "QUESTION",
+    "FAILED": "ERROR",
+    "PINNED": "PINNED",
+    "CHANGED": "LOOP_BACK",
+}
 
 
 def verdict_title(props: GssmcCamera) -> str:
     """One line for the panel: the verdict, with the iterations, or of a plate the frames, and the time that it took."""
     values = {"verdict": iface_(VERDICT_NAMES[props.verdict]), "count": props.iterations_done, "seconds": props.seconds}
+    if props.verdict == "PINNED":
+        return iface_(VERDICT_NAMES[props.verdict])
     if props.frames_done:
         values["count"] = props.frames_done
         one = iface_("{verdict}: 1 frame, {seconds:.1f} s", **values)
@@ -154,6 +173,9 @@ class GssmcCamera(bpy.types.PropertyGroup):
         "solution": StringProperty(name="Solution", description="The solved camera as JSON, with its verdict"),
         "solved_photo": PointerProperty(
             name="Solved Photo", description="The photo for which the camera was solved", type=bpy.types.Image
+        ),
+        "pins": CollectionProperty(
+            type=GssmcPin, name="Pins", description="Points of the splat, pinned to pixels of the photo"
         ),
         "verdict": EnumProperty(name="Verdict", items=VERDICTS, default="NONE"),
         "reasons": StringProperty(name="Reasons", description="The reasons for the verdict, one sentence per line"),

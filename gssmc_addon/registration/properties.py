@@ -27,8 +27,10 @@ from ..look import looks
 from ..photo import image as photo_image
 from ..photo import list as photo_list
 from ..photo.entry import GssmcPhoto
+from ..pins.props import GssmcPin
 from ..preview import state as preview_state
 from ..splat import object as splat_object
+from ..viewport import props as viewport_props
 from . import preferences, settings
 from .camera_props import GssmcCamera
 from .settings import MODEL_OF, quality_annotation, settings_annotations
@@ -60,6 +62,10 @@ def _splat_picked(self: GssmcScene, context: bpy.types.Context) -> None:
                 setattr(self, name, getattr(preset, name))
 
 
+def _pins_shown(self: GssmcScene, context: bpy.types.Context) -> None:
+    viewport_props.redraw_views()
+
+
 class GssmcScene(bpy.types.PropertyGroup):
     """On the scene: the splat to refine against, the list of photos, and the refinement's settings."""
 
@@ -73,6 +79,15 @@ class GssmcScene(bpy.types.PropertyGroup):
         ),
         "photos": CollectionProperty(type=GssmcPhoto),
         "photo_index": IntProperty(name="Photo", description="The selected photo of the list", min=0, update=_photo_clicked),
+        "hold_pins": BoolProperty(
+            name="Hold in Refine",
+            default=False,
+            description="Pins pull at the camera in the last stage of Refine Camera, as much as they weigh, and a result that "
+            "leaves them is doubted",
+        ),
+        "show_pins": BoolProperty(
+            name="Show Pins", default=True, description="Draw the pins over the photo, with their errors", update=_pins_shown
+        ),
         "look": EnumProperty(
             name="Look",
             items=looks.ITEMS,
@@ -126,7 +141,15 @@ class GssmcWindow(bpy.types.PropertyGroup):
             self.message_icon = icon
 
 
-classes = (*composite_state.classes, GssmcPhoto, GssmcScene, GssmcCamera, preview_state.GssmcPreview, GssmcWindow)
+classes = (
+    *composite_state.classes,
+    GssmcPhoto,
+    GssmcPin,
+    GssmcScene,
+    GssmcCamera,
+    preview_state.GssmcPreview,
+    GssmcWindow,
+)
 
 
 @bpy.app.handlers.persistent

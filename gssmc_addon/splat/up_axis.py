@@ -10,7 +10,7 @@ from ...core.geometry.conventions import ORIENTATIONS, Orientation
 from ..support.texts import n_
 
 AXIS_WORDS = {"Y_DOWN": n_("Y Down"), "Y_UP": n_("Y Up"), "Z_UP": n_("Z Up"), "Z_DOWN": n_("Z Down")}
-AXIS_ITEMS = (
+AXIS_ITEMS: tuple[tuple[str, str, str], ...] = (
     ("Y_DOWN", "Y Down", "The file's y axis points down, as photogrammetry and most splat trainers write it"),
     ("Y_UP", "Y Up", "The file's y axis points up"),
     ("Z_UP", "Z Up", "The file's z axis points up, as in Blender: keep the axes"),

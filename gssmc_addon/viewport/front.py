@@ -39,7 +39,7 @@ def front_pictures(context: bpy.types.Context) -> list[FrontPicture]:
     camera = space.camera if region.view_perspective == "CAMERA" else None
     if camera is None or camera.type != "CAMERA" or not camera.data.show_background_images or not space.overlay.show_overlays:
         return []
-    border = _border(context.scene, camera.data, region.window_matrix)
+    border = border_of(context.scene, camera.data, region.window_matrix)
     comp = context.scene.gssmc.look == COMP
     slots = [slot for slot in camera.data.background_images if slot.show_background_image and (comp or _is_front(slot))]
     found = [_picture(slot, border, (context.region.width, context.region.height)) for slot in slots]
@@ -57,7 +57,7 @@ def across_picture(context: bpy.types.Context, mouse: tuple[int, int]) -> float 
         camera = space.camera if space.region_3d.view_perspective == "CAMERA" else None
         if not ((at >= 0) & (at <= 1)).all() or camera is None or camera.type != "CAMERA":
             continue
-        border = _border(context.scene, camera.data, space.region_3d.window_matrix)
+        border = border_of(context.scene, camera.data, space.region_3d.window_matrix)
         slots = [slot for slot in camera.data.background_images if slot.show_background_image]
         pictures = [_picture(slot, border, (region.width, region.height)) for slot in slots]
         place = next((picture.place for picture in reversed(pictures) if picture), None)
@@ -69,7 +69,7 @@ def _is_front(slot: bpy.types.CameraBackgroundImage) -> bool:
     return slot.display_depth == "FRONT"
 
 
-def _border(scene: bpy.types.Scene, data: bpy.types.Camera, projection: Matrix) -> np.ndarray:
+def border_of(scene: bpy.types.Scene, data: bpy.types.Camera, projection: Matrix) -> np.ndarray:
     """Lower left and upper right corner (2, 2) of the camera's frame, in 0..1 of the region."""
     corners = []
     for corner in data.view_frame(scene=scene):

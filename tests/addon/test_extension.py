@@ -32,18 +32,18 @@ def name_of(blender):
     return "" if blender == plan.MAIN else "".join(map(str, blender))
 
 
-def marks(blender, check):
+def marks(blender, checks):
     yield getattr(pytest.mark, f"blender{name_of(blender)}")
-    if check.stem in SCANS:
+    if {check.stem for check in checks} & set(SCANS):
         yield pytest.mark.scan
     if not PYTHONS[blender].exists():
         yield pytest.mark.skip(f"Blender {'.'.join(map(str, blender))} is not set up; run scripts/setup.sh --all")
 
 
 PARAMETERS = [
-    pytest.param(blender, check, id=check.stem + name_of(blender), marks=[*marks(blender, check)])
+    pytest.param(blender, checks, id=name + name_of(blender), marks=[*marks(blender, checks)])
     for blender in plan.BLENDERS
-    for check in plan.checks(blender)
+    for name, checks in plan.runs(blender)
 ]
 
 
@@ -57,20 +57,23 @@ def extension_zip(tmp_path_factory):
     return next(out.glob("gssmc-*.zip"))
 
 
-@pytest.mark.parametrize(("blender", "check"), PARAMETERS)
-def test_inside_blender(blender, check, extension_zip, tmp_path):
-    done = run_inside(PYTHONS[blender], check, extension_zip, tmp_path)
+@pytest.mark.parametrize(("blender", "checks"), PARAMETERS)
+def test_inside_blender(blender, checks, extension_zip, tmp_path):
+    done = run_inside(PYTHONS[blender], checks, extension_zip, tmp_path)
     assert done.returncode == 0, f"{done.stdout[-8000:]}\n{done.stderr[-2000:]}"
 
 
-def run_inside(python, check, extension_zip, tmp_path):
-    """What came of the check, as `subprocess.run` has it."""
+def run_inside(python, checks, extension_zip, tmp_path):
+    """What came of the checks, as `subprocess.run` has it."""
     environment = dict(ENVIRONMENT, BLENDER_USER_RESOURCES=str(tmp_path / "blender"), GSSMC_ZIP=str(extension_zip))
     command = [str(python), "-m", "pytest", "-p", "no:cacheprovider", "-o", "python_files=check_*.py"]
-    command += ["-o", f"pythonpath=. tests/core/support {HERE / 'inside'}", "-rs", str(check)]
+    command += ["-o", f"pythonpath=. tests/core/support {HERE / 'inside'}", "-rs", *map(str, checks)]
     return subprocess.run(command, cwd=REPO, env=environment, capture_output=True, text=True, timeout=LIMIT_S, check=False)
 
 
 def test_there_is_something_to_check():
     assert len(plan.ALL) >= 4
     assert {check.stem for check in plan.checks(plan.MAIN)} | set(plan.SINCE) == {check.stem for check in plan.ALL}
+    for blender in plan.BLENDERS:
+        run = [check for _, checks in plan.runs(blender) for check in checks]
+        assert sorted(run) == sorted(plan.checks(blender))

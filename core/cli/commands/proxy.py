@@ -19,7 +19,7 @@ from ...support.steps import run_to_end
 from ...support.words import counted
 from ..console import message, say
 from ..dropped import say_dropped
-from ..flags import CAMERAS_HELP, SCENE_HELP, add_axes_flag, whole_number
+from ..flags import CAMERAS_HELP, SCENE_HELP, add_axes_flag, number, whole_number
 from ..outcome import OK, Outcome
 from ..paths import check_outputs
 from ..progress import ProgressBar
@@ -38,6 +38,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         default = getattr(ProxySettings, name)
         text = f"{OPTIONS[name].help} ({default})"
         parser.add_argument(flag, type=whole_number, default=default, metavar="N", help=text)
+    text = f"{OPTIONS['smooth_px'].help} ({ProxySettings.smooth_px:g})"
+    parser.add_argument("--smooth-px", type=number, default=ProxySettings.smooth_px, metavar="N", help=text)
     parser.add_argument("--close-holes", action="store_true", help=OPTIONS["close_holes"].help)
     parser.add_argument("--every", type=whole_number, default=1, metavar="N", help="take every Nth camera (1)")
     add_axes_flag(parser)
@@ -45,7 +47,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    settings = ProxySettings(args.faces, args.close_holes, args.long_side_px, args.threads)
+    settings = ProxySettings(args.faces, args.close_holes, args.long_side_px, args.smooth_px, args.threads)
     writer_of(args.out)
     if args.every < 1:
         raise UsageError(f"--every is {args.every}; give 1 or more.")

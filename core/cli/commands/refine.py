@@ -22,21 +22,29 @@ from ...photos.lens_guess import guess_lens
 from ...photos.mask import find_mask
 from ...photos.photo import Photo
 from ...pictures.stmap import read_stmap, through_map
+from ...pose.pins.report import PinReport
+from ...pose.refine import iterate_refinement
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...pose.settings import RefineSettings
 from ...render import ProcessRenderer, RenderSettings
 from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
+from ...support.steps import run_to_end
 from ..console import message
 from ..dropped import say_dropped
 from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, settings_from
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome, shown
 from ..paths import check_outputs
+from ..pinning import Pinning
 from ..progress import ProgressBar
 from ..result import put_result
 
+PINS_HELP = (
+    "pairs of a pixel of the photo and a point of the scan, set by hand: the refinement begins where they place the camera and "
+    "holds them in its last stage"
+)
 STMAP_HELP = "an ST map that undistorts the photo; the camera is then that of the undistorted picture, without distortion"
 
 
@@ -47,6 +55,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     start = "the start: rough pose, and lens where known; without it, or without a pose in it, the photo is searched for"
     parser.add_argument("--camera", type=Path, metavar="CAMERAS", help=f"{start}; {CAMERAS_HELP}")
     parser.add_argument("--mask", type=Path, metavar="FILE_OR_DIR", help=MASK_HELP)
+    parser.add_argument("--pins", type=Path, metavar="PINS.json", help=PINS_HELP)
     parser.add_argument("--stmap", type=Path, metavar="MAP.exr", help=STMAP_HELP)
     parser.add_argument("--out", type=Path, metavar="RESULT.json", help="where to write the result (stdout)")
     add_axes_flag(parser)
@@ -59,7 +68,9 @@ def run(args: argparse.Namespace) -> Outcome:
     settings = settings_from(args)
     mask = None if args.mask is None else mask_file(args.mask, args.photo)
     _check_paths(args, settings, mask)
-    if args.camera is None and not args.locate:
+    if args.pins is not None and args.stmap is not None:
+        raise UsageError("--pins and --stmap cannot go together: pins are pixels of the photo as it is; leave one of them out.")
+    if args.camera is None and not args.locate and args.pins is None:
         raise UsageError("There is no start to refine from; give it with --camera, or leave out --no-locate.")
     flags = MapFlags(args, settings.threads)
     photo = read_masked_photo(args.photo, mask)
@@ -68,7 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
     for remark in photo.notes:
         message(remark)
     told = Unplaced() if args.camera is None else pick_wanted(args.camera, args.photo)
-    if isinstance(told, Unplaced) and not args.locate:
+    if isinstance(told, Unplaced) and not args.locate and args.pins is None:
         raise CameraError(f"The camera in '{args.camera.name}' has no R and t; give a start, or leave out --no-locate.")
     wanted = wanted_camera(told, photo)
     if args.stmap is not None:
@@ -76,7 +87,12 @@ def run(args: argparse.Namespace) -> Outcome:
     scene = read_splats(args.scene)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
-        placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
+        if args.pins is None:
+            placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
+        else:
+            pinned = Pinning(renderer, scene, args.axes).place(photo, wanted, args.pins, "auto")
+            placed = refined_pins(renderer, photo, pinned, settings)
+            placed = Placed(into_file(placed.record, scene.origin), placed.report)
     if args.stmap is not None:
         placed.record["stmap"] = str(args.stmap)
     put_result(args.out, placed.record)
@@ -91,7 +107,7 @@ def run(args: argparse.Namespace) -> Outcome:
 def _check_paths(args: argparse.Namespace, settings: RefineSettings, mask: Path | None) -> None:
     models = [Path(name) for name in (settings.model, settings.matcher_model) if name]
     inputs = {"the scan": args.scene, "the photo": args.photo, "the start": args.camera, "the mask": mask, "a model": models}
-    inputs["the ST map"] = args.stmap
+    inputs |= {"the ST map": args.stmap, "the pins": args.pins}
     check_outputs(
         {"--out": args.out, "--map": args.map},
         {**inputs, "the known cameras": args.cameras},
@@ -145,6 +161,18 @@ class Placing:
         if found.camera is None or found.refined is None:
             return Placed(found_to_dict(found, wanted), None)
         return Placed(found_to_dict(found, wanted), replace(found.refined, seconds=found.seconds))
+
+
+def refined_pins(renderer: ViewRenderer, photo: Photo, pinned: PinReport, settings: RefineSettings) -> Placed:
+    """The refinement that begins where pins place the camera, and holds them; where it fails, that camera is what is left."""
+    message(" ".join(pinned.reasons))
+    with ProgressBar("Refining") as bar:
+        steps = iterate_refinement(renderer, photo, pinned.camera, settings, pinned.pins)
+        report = run_to_end(steps, lambda p: bar.show(p.fraction, p.step))
+        bar.show(1.0, report.verdict)
+    if report.verdict == "failed":
+        report = replace(report, reasons=(*report.reasons, "The camera is the one that the pins place."))
+    return Placed(report_to_dict(report), report)
 
 
 def mask_file(masks: Path, photo: Path) -> Path:

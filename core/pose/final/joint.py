@@ -15,6 +15,7 @@ from ..shared.least_squares import NormalEquations, levenberg_marquardt
 from ..shared.lens import ALL, CameraUnknowns, Free, LensPrior
 from ..shared.matches import ViewMatches, bearings
 from ..shared.robust import robust_std
+from .pinned import PinnedPoints
 from .reprojection import Lifted, apply, reproject, whitening
 
 FitKind = Literal["joint", "epipolar", "depth"]
@@ -40,7 +41,8 @@ BLOCK = 1024
 @dataclass(frozen=True, eq=False)
 class JointProblem:
     """M matches of V views, with density weights (M,), what was known of the lens, and which of its numbers are solved for.
-    counts (V,): matches of each view, which stand one after the other.
+    counts (V,): matches of each view, which stand one after the other; pins: points that somebody holds to pixels of the photo,
+    which then take part in every fit of the whole problem.
     """
 
     matches: Lifted
@@ -48,6 +50,7 @@ class JointProblem:
     counts: NDArray[np.int64]
     prior: LensPrior
     free: Free = ()
+    pins: PinnedPoints | None = None
 
     @classmethod
     def of(cls, views: Sequence[ViewMatches], intrinsics: Intrinsics, prior: LensPrior, free: Free = ()) -> JointProblem:
@@ -60,11 +63,12 @@ class JointProblem:
         return cls(Lifted.of(known, observed), density_weights(np.concatenate(observed), intrinsics), counts, prior, free)
 
     def part(self, keep: slice) -> JointProblem:
-        """The same problem on some of the views."""
+        """The same problem on some of the views, and without pins, because it is to tell what the views know by themselves."""
         chosen = np.zeros(len(self.counts), np.bool_)
         chosen[keep] = True
         of = np.repeat(chosen, self.counts)
-        return replace(self, matches=self.matches.take(of), weights=self.weights[of], counts=self.counts[keep])
+        matches, weights = self.matches.take(of), self.weights[of]
+        return replace(self, matches=matches, weights=weights, counts=self.counts[keep], pins=None)
 
     def deviations_px(self, across: FloatArray) -> FloatArray:
         """Robust deviation (M,), the same for all matches of a view, of the residuals `across` (M,) their lines, pixels."""
@@ -151,9 +155,14 @@ def _equations(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, sig
 
 
 def _by_matches(camera: CameraUnknowns, problem: JointProblem, kind: FitKind, sigma_px: FloatArray) -> NormalEquations:
+    """The equations of the matches, and of the pins where there are some."""
     line = linearised(camera, problem, kind, sigma_px)
     gradient, information = products(line.jacobian, line.residual)
-    return NormalEquations(CERTAINTY * line.cost, CERTAINTY * gradient, CERTAINTY * information)
+    matches = NormalEquations(CERTAINTY * line.cost, CERTAINTY * gradient, CERTAINTY * information)
+    if problem.pins is None:
+        return matches
+    held = problem.pins.equations(camera, problem.free)
+    return NormalEquations(matches.cost + held.cost, matches.gradient + held.gradient, matches.information + held.information)
 
 
 @dataclass(frozen=True, eq=False)

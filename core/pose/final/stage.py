@@ -21,6 +21,7 @@ from ..shared.surface import solid_part
 from ..shared.working import WorkingPhoto
 from .guided import Corners, PosedRender, follow, match_corners, pick_corners
 from .joint import FIT_KINDS, FitKind, JointFit, JointProblem, fit_joint, held_out_px
+from .pinned import PinnedPoints
 from .solution import FittedCamera, from_joint
 from .squeeze import with_squeeze
 
@@ -52,13 +53,14 @@ def view_pool(threads: int) -> Iterator[ThreadPoolExecutor]:
 @dataclass(frozen=True)
 class FinalStage:
     """The fixed inputs of the last stage; `run` does the work. `prior`: what is known of the lens, at the photo's working size;
-    `free`: what of it is solved for.
+    `free`: what of it is solved for; `pins`: points that are held to pixels of the photo, at its working size.
     """
 
     renderer: ViewRenderer
     settings: RefineSettings
     prior: LensPrior
     free: Free
+    pins: PinnedPoints | None = None
 
     @classmethod
     def of(cls, renderer: ViewRenderer, settings: RefineSettings, prior: LensPrior) -> FinalStage:
@@ -127,7 +129,7 @@ class FinalStage:
         """The fit of the kind that the settings name; "auto" takes the kind that best explains the reference view's matches,
         which take no part in those fits: at (nearly) no baseline they lean neither to epipolar lines nor to depth.
         """
-        problem = JointProblem.of(views, k, self.prior, self.free)
+        problem = replace(JointProblem.of(views, k, self.prior, self.free), pins=self.pins)
         if self.settings.final in FIT_KINDS:
             kind: FitKind = self.settings.final
             start = camera
@@ -138,7 +140,7 @@ class FinalStage:
         if kind != "epipolar" and len(reference) >= MIN_CORNERS:
             # The choice was made without the reference view and the fit is made with it. An epipolar fit leaves it out, because
             # lines of (nearly) no baseline would only turn with the noise.
-            problem = JointProblem.of([*views, reference], k, self.prior, self.free)
+            problem = replace(JointProblem.of([*views, reference], k, self.prior, self.free), pins=self.pins)
         fit = fit_joint(start, problem, kind)
         if self.prior.refuted(fit.camera.intrinsics):
             fit = fit_joint(start, replace(problem, prior=self.prior.doubted()), kind)

@@ -39,6 +39,25 @@ def test_cancel_stops_the_running_job(bpy, extension, scene):
     assert bpy.ops.gssmc.refine.poll()
 
 
+def test_a_proxy_is_made(bpy, scene):
+    assert bpy.ops.gssmc.make_proxy(use="HOLDOUT", faces=300, long_side_px=96) == {"FINISHED"}
+    proxy = scene.objects["scan Proxy"]
+    assert proxy.is_holdout and proxy.gssmc.proxy_of == scene.gssmc.splat and 0 < len(proxy.data.polygons) <= 300
+
+
+def test_pins_floor_and_scale_work(bpy, scene):
+    """check_pins says what they do, in one Blender."""
+    for x, y, z in ((-1, -1, 0), (1, -1, 1), (0, 1, 0.5)):
+        assert bpy.ops.gssmc.add_pin(photo_x=30 + 9 * x, photo_y=45 - 9 * y, world=(x, y, z)) == {"FINISHED"}
+    assert bpy.ops.gssmc.solve_pins() == {"FINISHED"}
+    assert bpy.ops.gssmc.place_by_pins() == {"FINISHED"}
+    assert scene.camera.data.gssmc.verdict == "PINNED"
+    assert bpy.ops.gssmc.remove_pin() == {"FINISHED"}
+    assert bpy.ops.gssmc.set_floor(method="POINTS", points=(0, 0, 1, 1, 0, 1, 0, 1, 1)) == {"FINISHED"}
+    assert bpy.ops.gssmc.set_scale(points=(0, 0, 0, 1, 0, 0), distance=2.0) == {"FINISHED"}
+    assert tuple(scene.gssmc.splat.matrix_world.to_scale()) == pytest.approx((2, 2, 2))
+
+
 def complaint(bpy):
     """The line that a refinement which cannot begin leaves in the panel."""
     with pytest.raises(RuntimeError):
@@ -93,9 +112,11 @@ def refusal(bpy):
     return str(caught.value)
 
 
-def test_a_composite_needs_a_camera_a_photo_and_a_solution(bpy, extension, scene):
+def test_a_composite_needs_a_camera_and_a_photo_and_says_where_nothing_was_solved(bpy, extension, scene):
     before = shots.everything(bpy, scene)
-    assert "not solved yet" in refusal(bpy)
+    assert bpy.ops.gssmc.set_up_composite() == {"FINISHED"}
+    assert "was not solved here" in bpy.context.window_manager.gssmc.message
+    assert bpy.ops.gssmc.remove_composite() == {"FINISHED"}
     assert shots.everything(bpy, scene) == before
     camera, photo = scene.camera, scene.camera.data.gssmc.photo
     camera.data.gssmc.photo = None
@@ -188,3 +209,7 @@ def test_splat_and_cg_hide_each_other(bpy, scene, tmp_path):
     scene.render.filepath = before["render"]["filepath"]
     after = shots.everything(bpy, scene)
     assert {key for key in before | after if before.get(key) != after.get(key)} == set()
+    assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames"), start=2, end=2) == {"FINISHED"}
+    bpy.ops.gssmc.set_up_composite(behind="SPLAT")
+    scene.frame_set(9)  # One frame alone shows at all times.
+    np.testing.assert_allclose(shots.render(bpy, scene, tmp_path / "still.png", 1)[20, 3], (128, 128, 128), atol=6)

@@ -1,8 +1,11 @@
 """Make Proxy: a mesh on the splat, worn as its use wants it, added or exchanged as asked, and nothing at all where it fails."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mesh_depth import mesh_depth
+from panels_drawn import Layout
 from samples import counts
 
 from core.proxy import ProxySettings
@@ -123,3 +126,16 @@ def test_a_job_that_is_cancelled_ends_within_a_second(bpy, listed, extension):
         job.join(0.05)
     slot.stop(job)
     assert job.join(1.0) and slot.active() is None and len(bpy.data.meshes) == 0
+
+
+def test_the_panel_names_what_there_is(bpy, listed, extension):
+    def said():
+        layout = Layout()
+        system = SimpleNamespace(system=SimpleNamespace(ui_scale=1))
+        seen = SimpleNamespace(scene=listed, preferences=system, region=SimpleNamespace(width=2000))
+        extension("gssmc_addon.proxy.panel").GSSMC_PT_proxy.draw(SimpleNamespace(layout=layout), seen)
+        return layout.said
+
+    assert said()[0] == "gssmc.make_proxy" and "casts shadows on it" in " ".join(said())
+    make(bpy, use="COLLISION", faces=300)
+    assert said() == ["gssmc.make_proxy", "name", "Collision", "hide_viewport"]

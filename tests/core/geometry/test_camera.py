@@ -7,6 +7,7 @@ import pytest
 from core.errors import CameraError
 from core.geometry.camera import Intrinsics, Pose, pose_error, rotation_angle_deg
 from core.geometry.lie import so3_exp
+from core.geometry.viewport import intrinsics_from_projection
 
 LENS = Intrinsics(720, 1280, 917.0, 916.3, 369.7, 643.5, (0.0578, -0.0805, -0.00098, 0.00016, 0.01))
 
@@ -86,3 +87,15 @@ def test_pose_error_is_centre_distance_and_angle():
     truth = Pose.from_centre(so3_exp([0.1, 0.2, 0.3]), [1.0, 2.0, 3.0])
     moved = Pose.from_centre(so3_exp([0.0, np.radians(2.0), 0.0]) @ truth.R, [1.0, 2.0, 3.5])
     assert pose_error(moved, truth) == pytest.approx((0.5, 2.0))
+
+
+def test_a_viewports_projection_puts_points_where_opengl_does():
+    """An off-centre frustum as Blender makes it for a camera with a shift; OpenGL divides by -z and counts rows from below."""
+    P = np.array([[2.1, 0, 0.3, 0], [0, 3.3, -0.2, 0], [0, 0, -1.002, -0.2], [0, 0, -1, 0]])
+    k = intrinsics_from_projection(P, 800, 500)
+    points = _points(20)
+    clip = np.column_stack([points * (1, -1, -1), np.ones(20)]) @ P.T
+    ndc = clip[:, :2] / clip[:, 3:]
+    np.testing.assert_allclose(k.project(points), (ndc * (1, -1) + 1) / 2 * (800, 500), atol=1e-9)
+    with pytest.raises(CameraError, match="orthographic"):
+        intrinsics_from_projection(np.diag([1.0, 1, -0.01, 1]), 800, 500)

@@ -19,6 +19,7 @@ from core.pose.final.joint import (
     density_weights,
     fit_joint,
 )
+from core.pose.final.pinned import PinnedPoints
 from core.pose.final.reprojection import reproject
 from core.pose.final.stage import choose
 from core.pose.shared.lens import CALIBRATED_STD, FOCAL, GUESS_STD, MODES, CameraUnknowns, LensPrior, lens_difference
@@ -230,3 +231,17 @@ def test_auto_leaves_a_depth_that_lies():
     assert pose_error(fits["epipolar"].camera.pose, truth)[0] < 0.2 * pose_error(fits["joint"].camera.pose, truth)[0]
     nothing = reference.take(np.zeros(len(reference), bool))
     assert choose(fits, JointProblem.of([nothing], CAMERA, GIVEN)) == "joint"
+
+
+def test_pins_that_weigh_more_than_the_matches_hold_the_camera_and_those_that_weigh_less_hardly_move_it():
+    """Matches of one pose, and pins of another one that is 0.02 away."""
+    rng, truth, points, views = _views(3, noise=0.3)
+    other = se3_exp([0.02, 0, 0, 0, 0.004, 0]) @ truth
+    seen = CAMERA.project(other.transform(points))
+    chosen = np.flatnonzero(np.isfinite(seen).all(axis=1))[:8]
+    problem = JointProblem.of(views, CAMERA, GIVEN)
+    plain = fit_joint(_start(rng, truth), problem, "joint").camera.pose
+    for weight, near, far in ((1.0, truth, other), (1e5, other, truth)):
+        pins = PinnedPoints.of(points[chosen], seen[chosen], 2.0, np.full(8, weight), 6.0)
+        held = fit_joint(CameraUnknowns(plain, CAMERA), replace(problem, pins=pins), "joint").camera.pose
+        assert pose_error(held, near)[0] < 0.25 * pose_error(held, far)[0]

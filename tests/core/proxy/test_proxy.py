@@ -13,7 +13,7 @@ from core.proxy.blocks import SIDE, Blocks, coordinates, keys_of
 from core.proxy.pieces import border_loops, open_edges
 from core.proxy.planes import PlaneRenderer
 from core.proxy.surface import surface_nets
-from core.proxy.views import DepthView, sharpened
+from core.proxy.views import DepthView, sharpened, smoothed
 from core.render import RenderSettings
 from core.synthetic import make_scene, sample_cameras
 from core.synthetic.truth import exact_depth
@@ -137,6 +137,17 @@ def test_a_pixel_between_two_surfaces_goes_to_the_one_that_it_mostly_shows():
     share = np.array([1, 1, 1, 1, 0.8, 0.3, 0, 0, 0, 0], np.float32)
     depth = np.tile(1 / (share / 2 + (1 - share) / 5), (8, 1)).astype(np.float32)
     assert np.allclose(sharpened(depth)[4], [2] * 5 + [5] * 5)
+
+
+def test_ripples_go_and_edges_stay():
+    x = np.arange(80)
+    clean = np.tile(np.where(x < 40, 2.0, 5.0), (60, 1)).astype(np.float32)
+    rough = (clean * (1 + np.random.default_rng(0).normal(0, 0.004, clean.shape))).astype(np.float32)
+    rough[:, 70:] = 0
+    smooth = smoothed(rough, 4.0)
+    assert (smooth[:, 70:] == 0).all()
+    off = np.abs(smooth / clean - 1)[:, :70]
+    assert off.max() < 0.005 and off.mean() < 0.3 * np.abs(rough / clean - 1)[:, :70].mean()
 
 
 def test_a_steep_plane_has_no_jumps():

@@ -1,5 +1,4 @@
-from typing import Any
-
+import bpy
 from mathutils import Vector
 
-def location_3d_to_region_2d(region: Any, rv3d: Any, coord: Any, /) -> Vector | None: ...
+def location_3d_to_region_2d(region: bpy.types.Region, rv3d: bpy.types.RegionView3D, coord: Vector) -> Vector | None: ...

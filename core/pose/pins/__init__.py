@@ -1,0 +1,1 @@
+"""Cameras placed by hand: pairs of a pixel of the photo and a point of the scan."""

@@ -1,0 +1,1 @@
+"""Clicks in the viewport, put on the surface that the splat shows there."""

@@ -1,0 +1,27 @@
+"""The camera goes where its pins place it, at once."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...core.pose.pins.place import PinLens
+from ..clicks import surface
+from ..photo import camera as photo_camera
+from ..photo import image as photo_image
+from . import state
+
+
+def solve_and_keep(context: bpy.types.Context, lens: str = "AUTO") -> str:
+    """Places the scene's camera by its pins and keeps that as its solution; `lens`: AUTO, FIXED or FOCAL. What is to be said.
+
+    Raises GssmcError, with nothing changed.
+    """
+    context.view_layer.update()  # Scripts set locations and expect them to be used.
+    scene, camera, splat = context.scene, state.check(context.scene), surface.check(context.scene)
+    solved: PinLens = "fixed" if lens == "FIXED" else "focal" if lens == "FOCAL" else "auto"
+    report = state.solve(state.camera_of(scene, camera, splat), camera.data, solved, state.focal_35mm(camera.data))
+    photo_image.straighten(camera.data)
+    state.show(scene, camera, splat, report)
+    keyed = state.keep(scene, camera, splat, report)
+    photo_camera.stop_moving_with_view()
+    return " ".join([*report.reasons, *([keyed] if keyed else [])])

@@ -1,0 +1,35 @@
+"""A pin as the .blend keeps it, on the data of its camera."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import FloatProperty, FloatVectorProperty
+
+from ...core.pose.pins.pin import MAX_WEIGHT
+
+
+class GssmcPin(bpy.types.PropertyGroup):
+    """A pixel of the photo, and the point of the splat that the photo shows there."""
+
+    __annotations__ = {
+        "photo": FloatVectorProperty(
+            name="Photo",
+            description="Where in the photo it is: pixels of its own file, from the upper left corner",
+            size=2,
+            precision=2,
+        ),
+        "world": FloatVectorProperty(
+            name="Point", description="The point of the splat, in the coordinates of its object", size=3, precision=4
+        ),
+        "weight": FloatProperty(
+            name="Weight",
+            description="How many clicks by hand it counts as",
+            default=1.0,
+            min=0.01,
+            max=MAX_WEIGHT,
+            soft_max=100.0,
+        ),
+        "error_px": FloatProperty(
+            name="Error (px)", description="How far it lay off when the pins placed the camera last; -1: not yet", default=-1.0
+        ),
+    }
