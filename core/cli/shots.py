@@ -62,7 +62,7 @@ class ShotWork:
     def starts(self, frames: Sequence[int], files: Mapping[int, Path]) -> dict[int, Camera]:
         """Solved cameras to begin with, in the scene's coordinates. Raises RefineError where there are none."""
         if files:
-            return {frame: self._placed(frame, file) for frame, file in sorted(files.items())}
+            return self._given(files)
         if self.flags is None:
             raise UsageError("There is no start to track from; give one with --start, or leave out --no-locate.")
         reason = ""
@@ -73,6 +73,23 @@ class ShotWork:
             except (RefineError, PhotoError) as error:
                 reason = str(error)
         raise RefineError(f"No frame was found in the scan; give a start with --start. {reason}")
+
+    def _given(self, files: Mapping[int, Path]) -> dict[int, Camera]:
+        """The starts given that can be placed; of the others is said why not. Raises RefineError, PhotoError where none
+        can, CameraError.
+        """
+        found: dict[int, Camera] = {}
+        errors: list[RefineError | PhotoError] = []
+        for frame, file in sorted(files.items()):
+            try:
+                found[frame] = self._placed(frame, file)
+            except (RefineError, PhotoError) as error:
+                errors.append(error)
+        if not found:
+            raise errors[0]
+        for failed in errors:
+            message(f"A start is left out: {failed}")
+        return found
 
     def _placed(self, frame: int, file: Path | None) -> Camera:
         photo = self.frames.read(frame)

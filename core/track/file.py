@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +63,11 @@ def track_from_dict(data: Any, name: str) -> Track:
         frames = tuple(sorted(map(_frame, records), key=lambda frame: frame.frame))
         numbers = lens_from_dict(data["lens"]) if data["lens"] else ()
         told = {name: float(data[name]) for name in ("readout", "median_depth", "seconds")}
+        if not all(map(math.isfinite, told.values())):
+            raise ValueError("a number that is none")
+        twice = [a.frame for a, b in pairwise(frames) if a.frame == b.frame]
+        if twice:
+            raise ValueError(f"frame {twice[0]} stands there twice")
         lens, verdict, reasons = frames[0].camera.intrinsics, data["verdict"], tuple(map(str, data["reasons"]))
         if verdict not in STATE_OF:
             raise ValueError(verdict)

@@ -120,6 +120,17 @@ def key_frames(camera: bpy.types.Object) -> list[int]:
     return sorted({round(point.co.x) for point in points})
 
 
+def key_types(camera: bpy.types.Object) -> dict[int, str]:
+    """Blender's word for the type of the keys of the camera's place, by frame."""
+    points = (point for curve in curves(camera) if curve.data_path == "location" for point in curve.keyframe_points)
+    return {round(point.co.x): point.type for point in points}
+
+
+def has_lens_keys(data: bpy.types.Camera) -> bool:
+    """Whether keyframes set the focal length or the shifts."""
+    return any(curve.data_path in LENS_PATHS for curve in curves(data))
+
+
 def rotation_path(camera: bpy.types.Object) -> str:
     """The channel that turns the camera, by its rotation mode."""
     return ROTATION_PATHS.get(camera.rotation_mode, "rotation_euler")

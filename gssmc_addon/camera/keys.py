@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import bpy
@@ -29,6 +30,13 @@ class KeyOptions:
         """Blender's word for the type of the keys at a frame."""
         return "EXTREME" if frame in self.pinned else "GENERATED" if frame in self.filled else "KEYFRAME"
 
+    @classmethod
+    def as_keyed(cls, camera: bpy.types.Object, lens: bool) -> KeyOptions:
+        """Those that leave the types of the camera's present keys as they are."""
+        types = camera_channels.key_types(camera)
+        filled, pinned = (frozenset(f for f, kind in types.items() if kind == wanted) for wanted in ("GENERATED", "EXTREME"))
+        return cls(lens, filled, pinned)
+
 
 def write(
     scene: bpy.types.Scene,
@@ -37,15 +45,16 @@ def write(
     cameras: Mapping[int, Camera],
     keys: KeyOptions,
 ) -> None:
-    """Keys location and rotation, and the lens if `keys` say so, at the frames of `cameras`; other keys between the first and
-    the last of them go. The scene ends at the frame where it was.
+    """Keys location and rotation, and the lens if `keys` say so or it has keys already, which would hold another one; other
+    keys between the first and the last of `cameras` go. The scene ends at the frame where it was.
 
     Raises CameraError, with nothing written and no key lost, when the camera cannot be written at one of the frames.
     """
     check(scene, camera, splat, {frame: found.pose for frame, found in cameras.items()})
     current, part, before = scene.frame_current, scene.frame_subframe, None
     rotation = camera_channels.rotation_path(camera)
-    paths = {camera: ["location", rotation], camera.data: list(camera_channels.LENS_PATHS) if keys.lens else []}
+    keys_lens = keys.lens or camera_channels.has_lens_keys(camera.data)
+    paths = {camera: ["location", rotation], camera.data: list(camera_channels.LENS_PATHS) if keys_lens else []}
     for block, names in paths.items():
         _clear(block, names, min(cameras), max(cameras))
     try:
@@ -65,13 +74,20 @@ def check(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Obj
 
     Raises CameraError at the first frame where something would undo, or forbid, the pose.
     """
-    current, part = scene.frame_current, scene.frame_subframe
-    kept = {name: tuple(getattr(camera, name)) for name in TRANSFORM}
-    try:
+    with put_back(scene, camera):
         for frame, pose in sorted(poses.items()):
             scene.frame_set(frame)
             camera_channels.check_writable(camera)
             camera_bridge.write_pose(scene, camera, splat, pose)
+
+
+@contextmanager
+def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> Iterator[None]:
+    """Other frames may be gone to inside of it; scene and camera end as they were, also where a pose has no key."""
+    current, part = scene.frame_current, scene.frame_subframe
+    kept = {name: tuple(getattr(camera, name)) for name in TRANSFORM}
+    try:
+        yield
     finally:
         scene.frame_set(current, subframe=part)
         for name, value in kept.items():  # This also restores what has no key, and what was moved after its key was set.

@@ -7,6 +7,7 @@ a parent, a keyframe or a script, and splat and camera that are moved together s
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 import bpy
@@ -115,6 +116,19 @@ def _change_of_camera(scene: bpy.types.Scene, camera: bpy.types.Object, solution
     return "" if _is_same_lens(now.intrinsics, lens) else "LENS"
 
 
+def moved_at(scene: bpy.types.Scene, camera: bpy.types.Object, then: SolvedCamera, frames: Iterable[int]) -> list[int]:
+    """Those of the frames at which the camera no longer stands where the path of `then` has it. Scene and camera end as they
+    were.
+    """
+    found = []
+    with camera_keys.put_back(scene, camera):
+        for frame in frames:
+            scene.frame_set(frame)
+            if _change_of_camera(scene, camera, then) == "MOVED":
+                found.append(frame)
+    return found
+
+
 def verdict(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     """The camera's verdict as it holds now: CHANGED where the camera is no longer what was trusted, or to be checked."""
     kept: str = camera.data.gssmc.verdict
@@ -148,14 +162,16 @@ def put_back(scene: bpy.types.Scene, camera: bpy.types.Object) -> str:
     if props.solved_photo and photo_image.camera_photo(camera) != props.solved_photo:
         props.photo = props.solved_photo  # its update shows it
         camera_bridge.write_intrinsics(scene, camera.data, solution.camera.intrinsics)
+    frames = len(solution.path) and (props.frames_done or len(solution.path))
     keep_verdict(camera.data, solution.verdict, solution.reasons, solution.iterations, solution.seconds)
-    props.lens_state = solution.lens_state
+    props.lens_state, props.frames_done = solution.lens_state, frames
     return keyed
 
 
 def _write(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, solution: SolvedCamera) -> str:
     if solution.path:
-        camera_keys.write(scene, camera, splat, dict(solution.path), camera_keys.KeyOptions(solution.keys_lens))
+        keys = camera_keys.KeyOptions.as_keyed(camera, solution.keys_lens)
+        camera_keys.write(scene, camera, splat, dict(solution.path), keys)
         return rpt_("Its keyframes are those that were solved.")
     if solution.frame is not None and solution.frame != scene.frame_current:
         scene.frame_set(solution.frame)  # Each frame of a moving photo has a camera of its own.

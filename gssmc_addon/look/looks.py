@@ -36,15 +36,16 @@ HELPERS = (
     "show_text",
     "show_stats",
 )
+# Where a screen keeps what was hidden of its viewports. The scene would lose it by an undo, which does not show them again.
+KEPT = "gssmc_hidden_helpers"
 Kept = dict[str, dict[str, bool]]
 
 
 def apply(scene: bpy.types.Scene) -> None:
     """Gives every photo and every viewport the scene's look."""
-    comp = scene.gssmc.look == COMP
     for camera in (obj for obj in scene.objects if obj.type == "CAMERA"):
         show_photo(scene, camera)
-    (_hide_helpers if comp else _show_helpers)(scene)
+    settle(scene)
 
 
 def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
@@ -57,27 +58,35 @@ def show_photo(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
             slot.alpha = 1.0 if comp else scene.gssmc.photo_opacity
 
 
-def _spaces() -> Iterator[tuple[str, bpy.types.SpaceView3D]]:
-    """Every 3D viewport of the file, with a name that stays while the layout does."""
+def settle(scene: bpy.types.Scene) -> None:
+    """The viewports as the scene's look says: undo takes a look back, and leaves the viewports as they are."""
+    (_hide_helpers if scene.gssmc.look == COMP else _show_helpers)()
+
+
+def _spaces(screen: bpy.types.Screen) -> Iterator[tuple[str, bpy.types.SpaceView3D]]:
+    """Every 3D viewport of the screen, with a name that stays while the layout does."""
+    for number, area in enumerate(screen.areas):
+        for space in (space for space in area.spaces if space.type == "VIEW_3D"):
+            yield str(number), space
+
+
+def _hide_helpers() -> None:
     for screen in bpy.data.screens:
-        for number, area in enumerate(screen.areas):
-            for space in (space for space in area.spaces if space.type == "VIEW_3D"):
-                yield f"{screen.name}:{number}", space
+        kept: Kept = json.loads(screen.get(KEPT, "{}"))
+        for name, space in _spaces(screen):
+            if name not in kept:  # Else it is hidden already, and what it was is known.
+                kept[name] = {helper: getattr(space.overlay, helper) for helper in HELPERS if hasattr(space.overlay, helper)}
+            for helper in kept[name]:
+                setattr(space.overlay, helper, False)
+        if kept:
+            screen[KEPT] = json.dumps(kept)
 
 
-def _hide_helpers(scene: bpy.types.Scene) -> None:
-    kept: Kept = json.loads(scene.gssmc.look_kept or "{}")
-    for name, space in _spaces():
-        if name not in kept:  # Else it is hidden already, and what it was is known.
-            kept[name] = {helper: getattr(space.overlay, helper) for helper in HELPERS if hasattr(space.overlay, helper)}
-        for helper in kept[name]:
-            setattr(space.overlay, helper, False)
-    scene.gssmc.look_kept = json.dumps(kept)
-
-
-def _show_helpers(scene: bpy.types.Scene) -> None:
-    kept: Kept = json.loads(scene.gssmc.look_kept or "{}")
-    for name, space in _spaces():
-        for helper, value in kept.get(name, {}).items():
-            setattr(space.overlay, helper, value)
-    scene.gssmc.look_kept = ""
+def _show_helpers() -> None:
+    for screen in bpy.data.screens:
+        kept: Kept = json.loads(screen.get(KEPT, "{}"))
+        for name, space in _spaces(screen):
+            for helper, value in kept.get(name, {}).items():
+                setattr(space.overlay, helper, value)
+        if KEPT in screen:
+            del screen[KEPT]

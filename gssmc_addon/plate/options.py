@@ -71,11 +71,7 @@ def plate_annotations() -> dict[str, object]:
 
 def shared_range(scene: bpy.types.Scene) -> tuple[int, int]:
     """The frames that scene and plate share. Raises RefineError."""
-    camera = _camera_of(scene)
-    plate = plate_source.moving_photo(camera)
-    if plate is None:
-        raise RefineError(plate_source.no_plate(camera))
-    first, last = plate.scene_range
+    first, last = _plate_of(scene).scene_range
     low, high = max(first, scene.frame_start), min(last, scene.frame_end)
     return (low, high) if low <= high else (first, last)
 
@@ -89,10 +85,23 @@ def options_of(operator: bpy.types.Operator, scene: bpy.types.Scene) -> Sequence
 
 
 def range_of(operator: bpy.types.Operator, scene: bpy.types.Scene) -> tuple[int, int]:
-    """The operator's first and last frame; those that scene and plate share where none were set. Raises RefineError."""
+    """The operator's first and last frame; those that scene and plate share where none were set. Raises RefineError where
+    they are no range of the plate's frames.
+    """
     low, high = shared_range(scene)
     start = operator.start if operator.properties.is_property_set("start") else low
     end = operator.end if operator.properties.is_property_set("end") else high
+    if start > end:
+        raise RefineError(rpt_("The range ends at frame {end}, before its start {start}; exchange them.", start=start, end=end))
+    first, last = _plate_of(scene).reach
+    if not first <= start <= end <= last:
+        values = {"start": start, "end": end, "first": first, "last": last}
+        raise RefineError(
+            rpt_(
+                "The plate covers the frames {first} to {last} of the scene, not {start} to {end}; choose among them.",
+                **values,
+            )
+        )
     return start, end
 
 
@@ -122,6 +131,15 @@ class AsksForRange(OfPlate):
             if not self.properties.is_property_set(name):
                 setattr(self, name, frame)
         return context.window_manager.invoke_props_dialog(self, confirm_text=self.bl_label)
+
+
+def _plate_of(scene: bpy.types.Scene) -> plate_source.MovingPhoto:
+    """The plate of the scene's camera. Raises RefineError where there is none."""
+    camera = _camera_of(scene)
+    plate = plate_source.moving_photo(camera)
+    if plate is None:
+        raise RefineError(plate_source.no_plate(camera))
+    return plate
 
 
 def _camera_of(scene: bpy.types.Scene) -> bpy.types.Object:

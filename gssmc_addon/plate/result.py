@@ -26,6 +26,7 @@ def write(job: SequenceJob) -> tuple[str, bool]:
     first, verdict = cameras[min(cameras)], "trusted" if trusted else "check"
     solved_camera = SolvedCamera(first, verdict, tuple(job.reasons()), 0, seconds, state, job.median_depth, path=cameras)
     camera_solution.keep(scene, camera, splat, solved_camera)
+    camera.data.gssmc.track = ""  # The keys are no longer those of an earlier track.
     camera.data.gssmc.frames_done, camera.data.gssmc.bad_frames = job.items, frame_list({*job.bad, *job.unheld})
     camera.data.gssmc.weak_frames = " ".join(map(str, sorted({*job.bad, *job.doubtful, *job.unheld})))
     values = {"name": camera.name, "summary": job.summary(), "count": len(cameras)}

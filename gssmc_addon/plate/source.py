@@ -9,7 +9,7 @@ import bpy
 
 from ...core.errors import PhotoError
 from ...core.photos.photo import Photo
-from ...core.photos.plate import DIGITS, Plate, open_plate
+from ...core.photos.plate import DIGITS, Plate, behind_gaps, open_plate
 from ..photo import image as photo_image
 from ..photo.source import PhotoSource
 from ..support.texts import rpt_
@@ -55,6 +55,13 @@ class MovingPhoto:
     def scene_range(self) -> tuple[int, int]:
         """The frames of the scene that it covers."""
         return self.first - self.offset, self.last - self.offset
+
+    @property
+    def reach(self) -> tuple[int, int]:
+        """The same with the files of a sequence that lie behind a gap, whose frames can be tracked over it."""
+        beyond = behind_gaps(self.plate, *open_plate(self.plate.path)[1:])
+        numbers = [self.first, self.last, *beyond]
+        return min(numbers) - self.offset, max(numbers) - self.offset
 
     def frame_at(self, frame: int) -> FrameSource:
         """The frame of the scene's `frame`. Main thread only. Raises PhotoError when Blender has to decode it and can't."""

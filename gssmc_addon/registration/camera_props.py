@@ -68,13 +68,15 @@ def verdict_title(props: GssmcCamera) -> str:
 
 
 def keep_verdict(data: bpy.types.Camera, verdict: str, reasons: Sequence[str], iterations: int, seconds: float) -> None:
-    """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none", which also forgets a solution."""
+    """Keeps on the camera what was said of it; `verdict` as the engine spells it, or "none", which also forgets a solution and
+    a track.
+    """
     props = data.gssmc
     props.lens_state = props.lens_state  # In a file of an older version this is derived from the verdict until it is set.
     if verdict == "none":
-        props.solution, props.solved_photo = "", None
+        props.solution, props.solved_photo, props.track = "", None, ""
     props.verdict, props.reasons = verdict.upper(), "\n".join(reasons)
-    props.iterations_done, props.seconds, props.frames_done, props.track = iterations, seconds, 0, ""
+    props.iterations_done, props.seconds, props.frames_done = iterations, seconds, 0
 
 
 def _photo_picked(self: GssmcCamera, context: bpy.types.Context) -> None:

@@ -95,7 +95,6 @@ class GssmcScene(bpy.types.PropertyGroup):
             description="How photo, splat and CG lie over each other in the viewport; V changes it",
             update=_look_changed,
         ),
-        "look_kept": StringProperty(name="Look Kept", description="What the look Comp hid of the viewports, as JSON"),
         "photo_opacity": FloatProperty(
             name="Photo Opacity",
             description="How opaque photos lie before the splat in the look Align",
@@ -155,9 +154,10 @@ classes = (
 
 @bpy.app.handlers.persistent
 def _after_undo(*_: object) -> None:
-    """Clears the message: undo takes back the operation that it was about, but not the message."""
+    """Clears the message: undo takes back the operation that it was about, but not the message, and not what viewports show."""
     for manager in bpy.data.window_managers:
         manager.gssmc.tell("")
+    looks.settle(bpy.context.scene)
 
 
 def register() -> None:

@@ -117,6 +117,7 @@ def _job(args: argparse.Namespace, settings: RefineSettings, path: Path, out: Pa
     pins = camera_files("--pin", args.pin, frames, plate)
     inputs = {"a frame": [plate.file(frame) for frame in range(first, last + 1)]}
     inputs |= {"a start": [*starts.values()], "a pin": [*pins.values()]}
+    inputs |= {"the track that it begins with": [] if args.before is None else [args.before]}
     _check_files(args, PlateFrames(plate, args.mask), frames, inputs, out)
     before = None if args.before is None else read_track(args.before)
     key = key_of(2, scan_file_digest(args.scene), str(path.resolve()), stamp(path), list(frames), args.start)

@@ -10,6 +10,7 @@ from typing import Any
 
 from ...batch.place import starts_in_scene
 from ...cameras.training_world import ScanAxes
+from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError
 from ...geometry.camera import Camera, Pose
 from ...photos.frame_rate import movie_frame_rate
@@ -113,8 +114,14 @@ def moved(track: Track, origin: Any) -> Track:
 
 
 def _pose(work: ShotWork, frame: int, file: Path) -> Pose:
-    """The pose of a pinned frame among the means of the scene. Raises CameraError where the file tells none."""
-    wanted = wanted_camera(pick_wanted(file, work.frames.plate.file(frame)), work.frames.read(frame))
+    """The pose of a pinned frame, which need not be readable, among the means of the scene. Raises CameraError where the file
+    tells none.
+    """
+    told = pick_wanted(file, work.frames.plate.file(frame))
+    try:
+        wanted = wanted_camera(told, work.frames.read(frame))
+    except PhotoError:
+        wanted = told if isinstance(told, Unplaced) else told.known_camera()
     if not isinstance(wanted, Camera):
         raise CameraError(f"The camera in '{file.name}' has no R and t, so that it cannot be pinned; give one with a pose.")
     return starts_in_scene(wanted, ScanAxes.of(work.scene), work.axes, work.scene.origin)[0][0].pose

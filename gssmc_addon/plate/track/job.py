@@ -72,6 +72,7 @@ class TrackJob(Job):
         self, scene: bpy.types.Scene, camera: bpy.types.Object, options: TrackOptions, settings: RefineSettings
     ) -> None:
         plate, self.frame = _plate_of(camera), scene.frame_current
+        self.plate = plate
         if not options.start <= self.frame <= options.end:
             values = {"frame": self.frame, "start": options.start, "end": options.end}
             raise RefineError(

@@ -8,6 +8,7 @@ from ....core.errors import CameraError
 from ....core.geometry.camera import Pose
 from ...camera import bridge as camera_bridge
 from ...camera import channels as camera_channels
+from ...camera import keys as camera_keys
 from ...support.texts import rpt_
 
 
@@ -48,13 +49,9 @@ def poses(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Obj
         raise CameraError(rpt_("Frame {frame} is pinned and has no key; set one there, or unpin it.", frame=lost))
     if not wanted:
         return {}
-    now, part, found = scene.frame_current, scene.frame_subframe, {}
-    unkeyed = camera.matrix_basis.copy()
-    try:
+    found = {}
+    with camera_keys.put_back(scene, camera):
         for frame in wanted:
             scene.frame_set(frame)
             found[frame] = camera_bridge.read_camera(scene, camera, splat).pose
-    finally:
-        scene.frame_set(now, subframe=part)
-        camera.matrix_basis = unkeyed
     return found

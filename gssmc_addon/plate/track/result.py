@@ -15,12 +15,14 @@ from ...camera import keys as camera_keys
 from ...camera import solution as camera_solution
 from ...camera.record import SolvedCamera
 from ...support.texts import rpt_
+from ..source import MovingPhoto, moving_photo, shot_name
 from ..words import by_sentence, frame_list
 from . import errors as frame_errors
 from .job import TrackJob
 
 log = logging.getLogger(__name__)
-HOLDS = ("", "FRAME", "MOVED")  # What may have changed since: which frame is shown, and where the camera stands at it.
+OTHER = ("PHOTO", "SPLAT")  # What makes a track one of something else: another photo, another splat.
+SHOWS = "shows"  # In a kept track: the name of the shot, and what is added to a frame of the scene for the plate's.
 
 
 def write(job: TrackJob, track: Track) -> tuple[str, bool]:
@@ -40,7 +42,7 @@ def write(job: TrackJob, track: Track) -> tuple[str, bool]:
     first = cameras[min(cameras)]
     solved = SolvedCamera(first, track.verdict, lines, 0, track.seconds, state, track.median_depth, path=cameras)
     camera_solution.keep(scene, camera, splat, solved)
-    camera.data.gssmc.track = json.dumps(track_to_dict(track))
+    camera.data.gssmc.track = json.dumps({**track_to_dict(track), SHOWS: _shows(job.plate)})
     frame_errors.write(camera.data, track.frames)
     weak = [frame.frame for frame in track.frames if frame.state != "good"]
     camera.data.gssmc.frames_done, camera.data.gssmc.bad_frames = len(track.frames), frame_list(weak)
@@ -53,16 +55,59 @@ def write(job: TrackJob, track: Track) -> tuple[str, bool]:
 
 
 def earlier(scene: bpy.types.Scene, camera: bpy.types.Object, start: int, end: int) -> Track | None:
-    """The camera's track, where it still holds and goes beyond the frames from `start` to `end`; None otherwise."""
-    text = camera.data.gssmc.track
-    if not text or camera_solution.change(scene, camera) not in HOLDS:
+    """The camera's track, where it is of this plate and goes beyond the frames from `start` to `end`; None otherwise.
+
+    Raises RefineError where these frames cannot be tied to it, for something moved since.
+    """
+    text, plate, change = camera.data.gssmc.track, moving_photo(camera), camera_solution.change(scene, camera)
+    if not text or plate is None or change in OTHER:
         return None
     try:
-        track = track_from_dict(json.loads(text), camera.name)
-    except (CameraError, ValueError) as error:
+        data = json.loads(text)
+        track = track_from_dict(data, camera.name)
+        name, offset = data.get(SHOWS, _shows(plate))  # Tracks of older versions do not have it.
+    except (CameraError, TypeError, ValueError) as error:
         log.warning("The track kept on %s cannot be read: %s", camera.name, error)
         return None
-    return track if any(not start <= frame.frame <= end for frame in track.frames) else None
+    if name != _shows(plate)[0] or all(start <= frame.frame <= end for frame in track.frames):
+        return None
+    if offset != plate.offset:
+        raise RefineError(
+            rpt_(
+                "Another frame of the plate shows at frame {frame} than when it was tracked; shift it back, or track all.",
+                frame=scene.frame_current,
+            )
+        )
+    if change == "LENS":
+        raise RefineError(
+            rpt_("The lens changed since the plate was tracked, and holds for all of it; use Back to Solution first.")
+        )
+    _check_beside(scene, camera, track, start, end)
+    return track
+
+
+def _shows(plate: MovingPhoto) -> list[object]:
+    return [shot_name(plate.plate.path), plate.offset]
+
+
+def _check_beside(scene: bpy.types.Scene, camera: bpy.types.Object, track: Track, start: int, end: int) -> None:
+    """Raises RefineError where a frame that the range is tied to no longer has the camera that it is tied to."""
+    before = [frame for frame in track.frames if frame.frame < start][-1:]
+    beside = [*before, *[frame for frame in track.frames if frame.frame > end][:1]]
+    path = {frame.frame: frame.camera for frame in beside if frame.state != "lost"}
+    if not path:
+        return
+    depth, points = track.median_depth, len(scene.gssmc.splat.data.points)
+    then = SolvedCamera(next(iter(path.values())), "", (), 0, 0.0, "", depth, points, path=path)
+    moved = camera_solution.moved_at(scene, camera, then, path)
+    if moved:
+        raise RefineError(
+            rpt_(
+                "At frame {frame}, beside the range, the camera moved since it was tracked; pin it and take it into the range, "
+                "or use Back to Solution.",
+                frame=moved[0],
+            )
+        )
 
 
 def _keys(job: TrackJob, frames: list[TrackedFrame]) -> camera_keys.KeyOptions:

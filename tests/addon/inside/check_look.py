@@ -36,6 +36,21 @@ def test_one_key_lays_the_photo_behind_and_hides_the_helpers(bpy, scene, photos)
     assert overlays(bpy) == before
 
 
+def test_undo_shows_the_helpers_again(bpy, scene, photos):
+    before = overlays(bpy)
+    assert any(floor or extras for floor, extras, _ in before)
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.gssmc.look() == {"FINISHED"}
+    hidden = overlays(bpy)
+    bpy.ops.ed.undo_push(message="after")
+    bpy.ops.ed.undo()
+    assert (bpy.context.scene.gssmc.look, overlays(bpy)) == ("ALIGN", before)
+    bpy.ops.ed.redo()
+    assert (bpy.context.scene.gssmc.look, overlays(bpy)) == ("COMP", hidden)
+    assert bpy.ops.gssmc.look() == {"FINISHED"}
+    assert overlays(bpy) == before
+
+
 def test_a_photo_that_is_added_has_the_look(bpy, scene, photos, tmp_path):
     assert bpy.ops.gssmc.look() == {"FINISHED"}
     assert bpy.ops.gssmc.add_photo(filepath=str(write_photo(tmp_path / "d.png")), camera="NEW") == {"FINISHED"}

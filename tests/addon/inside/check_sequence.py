@@ -291,6 +291,7 @@ def test_a_plate_that_cannot_be_written_costs_no_key(bpy, plate, extension, what
     assert camera.data.background_images[0].image.display_aspect[:] == background
 
 
+@pytest.mark.main_only
 def test_a_refused_plate_leaves_the_users_keys(bpy, plate):
     """The whole operator: what it found cannot be written, for the parent is scaled unevenly at the last frame."""
     scene = set_up(bpy, plate)
@@ -305,6 +306,7 @@ def test_a_refused_plate_leaves_the_users_keys(bpy, plate):
     assert state(camera) == before
 
 
+@pytest.mark.main_only
 def test_frames_to_check_say_why(bpy, plate):
     """With two views besides the start's no answer is trusted: every frame is to be checked, and the same is said of all."""
     scene = set_up(bpy, plate)
@@ -438,6 +440,7 @@ def exr_plate(bpy, plate):
     return room.scene, folder, room.starts("start_exr.json", [first], 0.04, 1.0)
 
 
+@pytest.mark.main_only
 def test_a_plate_of_open_exr_files_is_refined(bpy, plate, exr_plate, extension):
     """Blender decodes them one at a time, and keeps none."""
     splat, folder, start = exr_plate
@@ -455,6 +458,7 @@ def test_a_plate_of_open_exr_files_is_refined(bpy, plate, exr_plate, extension):
     assert off[:, 1].max() < 0.3
 
 
+@pytest.mark.main_only
 def test_a_bad_open_exr_frame_fails_alone(bpy, exr_plate):
     splat, folder, start = exr_plate
     whole = (folder / f"shot.{FIRST + 2:04d}.exr").read_bytes()
@@ -468,6 +472,7 @@ def test_a_bad_open_exr_frame_fails_alone(bpy, exr_plate):
     assert "no plain picture that Blender can read" in data.reasons
 
 
+@pytest.mark.main_only
 def test_one_frame_of_a_plate_can_be_previewed_and_refined(bpy, plate, extension):
     scene = set_up(bpy, plate)
     assert bpy.ops.gssmc.refine(**rooms.QUICK) == {"FINISHED"}

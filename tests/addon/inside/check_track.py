@@ -155,3 +155,63 @@ def test_the_camera_goes_to_other_programs(bpy, plate, extension, tmp_path):  # 
     for frame, matrix in zip((1, 2, 3), wanted, strict=True):
         scene.frame_set(frame)
         np.testing.assert_allclose(np.array(came.matrix_world), matrix, atol=1e-4)
+
+
+def bend(data, path, factor):
+    for curve in data.animation_data.action.layers[0].strips[0].channelbag(data.animation_data.action_slot).fcurves:
+        for point in curve.keyframe_points if curve.data_path == path else ():
+            point.co.y *= factor
+
+
+@pytest.mark.main_only
+def test_a_range_is_not_tied_to_what_has_moved_since(bpy, plate, extension):  # noqa: F811
+    """Refused with a sentence, and the keys stay; Back to Solution brings the whole track back with its lens."""
+    scene = set_up(bpy, plate, "broken")
+    camera, data = scene.camera, scene.camera.data
+    scene.frame_set(7)
+    lens, user = data.lens, data.background_images[0].image_user
+    for frame in (1, 9):  # the user's own, which would hold another lens than the solved one
+        data.lens = lens * (1 + 0.03 * (frame - 7))
+        data.keyframe_insert("lens", frame=frame)
+    data.lens = lens
+    assert track(bpy) == {"FINISHED"}
+    scene.frame_set(8)
+    assert bpy.ops.gssmc.pin_frame() == {"FINISHED"}
+    before, types = places(camera), kinds(camera)
+    for frame in FRAMES:
+        scene.frame_set(frame)
+        assert data.lens == pytest.approx(lens, rel=1e-3)
+    scene.frame_set(6)
+    for start, end in ((0, 7), (5, 10)):
+        with pytest.raises(RuntimeError, match=f"covers the frames 1 to 9 of the scene, not {start} to {end}"):
+            track(bpy, start=start, end=end)
+    with pytest.raises(RuntimeError, match="ends at frame 6, before its start 7"):
+        track(bpy, start=7, end=6)
+    user.frame_start += 2
+    with pytest.raises(RuntimeError, match="Another frame of the plate shows at frame 6 than"):
+        track(bpy, start=6, end=7)
+    user.frame_start -= 2
+    bend(data, "lens", 1.2)
+    scene.frame_set(6)
+    with pytest.raises(RuntimeError, match="The lens changed since the plate was tracked"):
+        track(bpy, start=6, end=7)
+    bend(data, "lens", 1 / 1.2)
+    scene.frame_set(8)
+    camera.location.x += 0.1
+    camera.keyframe_insert("location", frame=8)
+    scene.frame_set(6)
+    camera.location.x += 0.01
+    stood = tuple(camera.location)
+    with pytest.raises(RuntimeError, match="At frame 8, beside the range, the camera moved"):
+        track(bpy, start=6, end=7)
+    assert tuple(camera.location) == stood, "what has no key is kept, too"
+    assert {f: p for f, p in places(camera).items() if f != 8} == {f: p for f, p in before.items() if f != 8}
+    assert bpy.ops.gssmc.back_to_solution() == {"FINISHED"}
+    assert (kinds(camera), data.gssmc.frames_done) == (types, COUNT)
+    scene.frame_set(6)
+    assert bpy.ops.gssmc.refine(**rooms.QUICK) == {"FINISHED"}, "one frame by itself, which leaves the track of the others"
+    assert track(bpy, start=6, end=7) == {"FINISHED"}
+    assert (data.gssmc.verdict, data.gssmc.frames_done, data.gssmc.weak_frames) == ("CHECK", COUNT, str(BAD_FRAME))
+    for frame in FRAMES:
+        scene.frame_set(frame)
+        assert extension("gssmc_addon.camera.solution").change(scene, camera) == ""

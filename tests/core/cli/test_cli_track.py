@@ -17,7 +17,7 @@ from core.cli.plates.given import frames_of
 from core.cli.plates.several import out_files
 from core.cli.shots import PlateFrames
 from core.errors import UsageError
-from core.geometry.camera import pose_error
+from core.geometry.camera import Pose, pose_error
 from core.photos.containers.openexr import write_exr
 from core.photos.plate import open_plate
 from core.render import Renderer, RenderSettings
@@ -118,6 +118,41 @@ def test_what_is_read_is_not_written_over_and_a_doubted_start_makes_no_trusted_f
         result = json.loads((tmp_path / "w.json").read_text())
         assert result["verdict"] == "check" and "is to be checked" in result["reasons"][0]
         assert "trusted" not in {frame["verdict"] for frame in result["frames"]}
+
+
+def test_a_start_that_fails_and_a_frame_that_is_damaged_end_nothing(place, tmp_path, capsys):
+    for frame in SHOT.frames:
+        (tmp_path / f"p.{frame}.png").write_bytes((place / f"plate.{frame}.png").read_bytes())
+    (tmp_path / "p.1002.png").write_bytes(b"")
+    for name, camera in {
+        "pin": SHOT.camera(1002),
+        "far": replace(SHOT.camera(1004), pose=Pose(np.eye(3), [9e3, 0, 0])),
+    }.items():
+        (tmp_path / f"{name}.json").write_text(json.dumps(camera_to_dict(camera)))
+    argv = ["track", str(place / "room.ply"), str(tmp_path / "p.1001.png"), "--out", str(tmp_path / "t.json"), *FAST]
+    argv += ["--pin", f"1002={tmp_path / 'pin.json'}", "--start", f"1004={tmp_path / 'far.json'}"]
+    assert main([*argv, *start(place)]) == 0
+    assert "A start is left out: Frame 1004 was not placed" in capsys.readouterr().err
+    held = camera_file(tmp_path / "t.json").records[1]
+    assert pose_error(held.pose, SHOT.pose(1002)) < (1e-9, 1e-6), "the pin holds where the picture cannot be read"
+    assert main(argv) == 2
+    assert "Frame 1004 was not placed" in capsys.readouterr().err
+
+
+def test_a_damaged_track_is_refused_and_the_one_that_is_read_is_kept(place, whole, tmp_path, capsys):
+    data = json.loads(whole[0].read_text())
+    twice = {**data, "frames": [data["frames"][0], *data["frames"]]}
+    for damaged, words in (
+        ({**data, "readout": float("nan")}, "a number that is none"),
+        (twice, "frame 1001 stands there twice"),
+    ):
+        (tmp_path / "t.json").write_text(json.dumps(damaged))
+        assert track(place, tmp_path / "u.json", "--from", str(tmp_path / "t.json"), "--frames", "1002-1003") == 2
+        assert f"'t.json' is no track, or a damaged one ({words})" in capsys.readouterr().err
+    kept = whole[0].read_bytes()
+    assert track(place, whole[0], "--from", str(whole[0]), "--frames", "1002-1003") == 2
+    assert "would overwrite the track that it begins with" in capsys.readouterr().err
+    assert whole[0].read_bytes() == kept
 
 
 REFUSED = {
