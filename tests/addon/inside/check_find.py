@@ -149,6 +149,7 @@ def test_a_solved_camera_is_looked_from_before_the_map(bpy, listed, place, exten
 
 
 @pytest.mark.main_only
+@pytest.mark.asked
 def test_a_guessed_lens_is_found_too(bpy, mapped, place, extension):
     camera = mapped.camera
     lens = camera.data.lens
@@ -244,6 +245,7 @@ def cache_of(extension, scene):
 
 
 @pytest.mark.main_only
+@pytest.mark.asked
 def test_a_damaged_map_beside_the_scan_is_made_again_and_cleared(bpy, mapped, place, extension):
     bpy.context.preferences.addons[MODULE].preferences.map_place = "SCAN"
     (whole,) = maps(extension)
@@ -273,6 +275,7 @@ def test_all_photos_are_found_and_help_each_other(bpy, mapped, place, extension)
 
 
 @pytest.mark.main_only
+@pytest.mark.asked
 def test_refine_all_finds_what_fails_from_everywhere_else(bpy, mapped, place, extension):
     """All cameras stand where nothing is: no neighbour is solved, so only the map can help."""
     assert bpy.ops.gssmc.refine_all(**rooms.QUICK) == {"FINISHED"}
@@ -283,6 +286,7 @@ def test_refine_all_finds_what_fails_from_everywhere_else(bpy, mapped, place, ex
 
 
 @pytest.mark.main_only
+@pytest.mark.asked
 def test_the_first_frame_of_a_plate_is_found(bpy, mapped, place, extension):
     room, truths, _ = place
     for number in (1, 2, 3):

@@ -218,3 +218,16 @@ def test_splat_and_cg_hide_each_other(bpy, scene, tmp_path):
     bpy.ops.gssmc.set_up_composite(behind="SPLAT")
     scene.frame_set(9)  # One frame alone shows at all times.
     np.testing.assert_allclose(shots.render(bpy, scene, tmp_path / "still.png", 1)[20, 3], (128, 128, 128), atol=6)
+
+
+def test_what_the_longest_checks_alone_would_call(bpy, scene, tmp_path):
+    """They run in one Blender; these calls are short enough for each."""
+    assert bpy.ops.gssmc.clear_maps() == {"FINISHED"}
+    assert bpy.ops.gssmc.preview(long_side_px=64, background=False) == {"FINISHED"}
+    file, _ = (write_photo(tmp_path / f"shot.{number:04d}.png") for number in (1001, 1002))
+    assert bpy.ops.gssmc.add_plate(filepath=str(file)) == {"FINISHED"}
+    assert (scene.camera.name, scene.frame_start, scene.frame_end) == ("shot", 1001, 1002)
+    for entry in scene.gssmc.photos:
+        entry.ticked = False
+    with pytest.raises(RuntimeError):
+        bpy.ops.gssmc.find_all(which="TICKED")

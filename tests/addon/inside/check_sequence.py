@@ -75,7 +75,7 @@ def errors(bpy, extension, scene, truths, frames):
     return np.array(out)
 
 
-@pytest.mark.parametrize(("mode", "step"), [("XYZ", 4), ("QUATERNION", 8)])
+@pytest.mark.parametrize(("mode", "step"), [("XYZ", 8), ("QUATERNION", 8)])
 def test_the_camera_follows_the_plate(bpy, plate, extension, mode, step):
     scene = set_up(bpy, plate)
     camera, truths = scene.camera, plate[1]
@@ -139,6 +139,7 @@ def test_a_plate_is_solved_frame_by_frame_and_its_keys_come_back(bpy, plate, ext
 
 
 @pytest.mark.main_only
+@pytest.mark.asked
 def test_a_bad_frame_is_flagged_and_the_gap_filled(bpy, plate, extension):
     scene = set_up(bpy, plate, "broken")
     bpy.ops.gssmc.refine_sequence(start=1, end=9, step=STEP, every_frame=True, smooth_frames=0, **rooms.QUICK)
@@ -328,6 +329,7 @@ def test_sentences_that_differ_in_figures_share_a_line(extension):
 
 
 @pytest.mark.main_only
+@pytest.mark.asked
 def test_one_frame_is_told_of_in_the_singular(bpy, plate, extension, capfd):
     scene = set_up(bpy, plate)
     bpy.ops.gssmc.refine_sequence(start=1, end=1, **rooms.QUICK)

@@ -16,6 +16,7 @@ BLENDERS = ((4, 5), MAIN, (5, 3))
 LONGEST = (
     "check_composite",
     "check_docs",
+    "check_find",
     "check_fox",
     "check_photos",
     "check_pins",
@@ -23,6 +24,7 @@ LONGEST = (
     "check_proxy",
     "check_refine",
     "check_sample",
+    "check_sequence",
     "check_texts",
 )
 LONGEST += ("check_who_draws",)

@@ -90,7 +90,7 @@ def test_all_jobs_are_done_by_as_many_workers_as_are_asked_for(monkeypatch):
 def test_a_worker_that_cannot_start_lowers_their_number(monkeypatch, caplog, bad):
     """Also one that cannot read the scan, when another has: that is no fault of the scan."""
     with caplog.at_level(logging.WARNING):
-        records, _, errors = run(monkeypatch, Starts(WELL, bad), jobs(*["go"] * 6, wait=2.0))
+        records, _, errors = run(monkeypatch, Starts(WELL, bad), jobs(*["go"] * 6, wait=0.8))
     assert not errors
     assert sorted(records) == list(range(6))
     assert not any("lost" in r for r in records.values())
