@@ -9,7 +9,7 @@ from statistics import median
 
 import bpy
 
-from ...core.errors import PhotoError, RefineError
+from ...core.errors import RefineError
 from ...core.geometry.camera import Camera, Intrinsics
 from ...core.pose import sequence
 from ...core.pose.report import RefineProgress, RefineReport
@@ -46,10 +46,7 @@ class SequenceJob(RetryQueue):
     def __init__(
         self, scene: bpy.types.Scene, camera: bpy.types.Object, options: SequenceOptions, settings: RefineSettings
     ) -> None:
-        plate = plate_source.moving_photo(camera)
-        if plate is None:
-            raise PhotoError(plate_source.no_plate(camera))
-        self._plate = plate
+        plate = self._plate = plate_source.plate_of(camera)
         splat = scene.gssmc.splat
         frames = sequence.keyframes(options.start, options.end, options.step)
         copying = SplatCopying(splat)

@@ -91,6 +91,14 @@ def moving_photo(camera: bpy.types.Object) -> MovingPhoto | None:
     return _of_clip(clip) if clip and image is None else None
 
 
+def plate_of(camera: bpy.types.Object) -> MovingPhoto:
+    """The camera's plate. Raises PhotoError where it has none, or its file is gone."""
+    plate = moving_photo(camera)
+    if plate is None:
+        raise PhotoError(no_plate(camera))
+    return plate
+
+
 def has_clip(camera: bpy.types.Object) -> bool:
     """Whether a movie clip is behind the camera, and no photo."""
     clips = any(slot.source == "MOVIE_CLIP" and slot.clip for slot in camera.data.background_images)

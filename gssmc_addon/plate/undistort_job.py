@@ -33,9 +33,7 @@ class UndistortJob(Job):
 
     def __init__(self, scene: bpy.types.Scene, camera: bpy.types.Object, folder: Path) -> None:
         super().__init__(self._steps)
-        plate = plate_source.moving_photo(camera)
-        if plate is None:
-            raise PhotoError(plate_source.no_plate(camera))
+        plate = plate_source.plate_of(camera)
         self._reader, self.plate = PlateReader(plate, None), plate
         self.frames = range(plate.first, plate.last + 1)
         self._lens = _lens_of(scene, camera, self._reader, plate)
@@ -98,9 +96,7 @@ def _lens_of(
 
 def default_folder(camera: bpy.types.Object) -> Path:
     """A folder beside the plate that is not there yet. Raises PhotoError where the camera has no plate."""
-    plate = plate_source.moving_photo(camera)
-    if plate is None:
-        raise PhotoError(plate_source.no_plate(camera))
+    plate = plate_source.plate_of(camera)
     wanted = Path(plate_source.shot_name(plate.plate.path)).stem + " undistorted"
     names = (wanted if n == 1 else f"{wanted} {n}" for n in itertools.count(1))
     return next(folder for folder in (plate.plate.path.parent / name for name in names) if not folder.exists())

@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from ....core.errors import PhotoError, RefineError
+from ....core.errors import RefineError
 from ....core.geometry.camera import Camera, Pose
 from ....core.locate import FindProgress
 from ....core.photos.photo import Photo
@@ -71,7 +71,7 @@ class TrackJob(Job):
     def __init__(
         self, scene: bpy.types.Scene, camera: bpy.types.Object, options: TrackOptions, settings: RefineSettings
     ) -> None:
-        plate, self.frame = _plate_of(camera), scene.frame_current
+        plate, self.frame = plate_source.plate_of(camera), scene.frame_current
         self.plate = plate
         if not options.start <= self.frame <= options.end:
             values = {"frame": self.frame, "start": options.start, "end": options.end}
@@ -181,11 +181,3 @@ class TrackJob(Job):
         camera = replace(self._start, pose=last.pose, intrinsics=last.intrinsics, focal_guessed=False)
         report = refine(self._renderer.get(), photo, camera, self._settings)
         return None if report.verdict == "failed" else report.camera
-
-
-def _plate_of(camera: bpy.types.Object) -> plate_source.MovingPhoto:
-    """The camera's plate. Raises PhotoError where it has none."""
-    plate = plate_source.moving_photo(camera)
-    if plate is None:
-        raise PhotoError(plate_source.no_plate(camera))
-    return plate
