@@ -46,7 +46,7 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
         return job
 
     def apply(self, context: bpy.types.Context, job: refine_job.RefineJob, report: RefineReport) -> set[str]:
-        message = refine_job.apply_report(job.targets, report)
+        message = refine_job.apply_report(job.targets, report, job.inputs.splat.remark)
         done = self.done(context, message, "WARNING" if report.verdict != "trusted" else "INFO")  # the panel shows the verdict
         return {"CANCELLED"} if report.verdict == "failed" else done
 

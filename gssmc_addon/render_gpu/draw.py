@@ -27,7 +27,7 @@ from .tables import TABLE_WIDTH, ScanTexels, as_rows
 
 BATCHES = 96  # that a view is drawn in, where that makes batches of a size within the bounds
 BATCH_MIN, BATCH_MAX = 64, 4096  # splats
-SENT_ROWS = 64  # rows of a table that are sent at once: 4 MB
+SENT_ROWS = 32  # rows of a table that are sent at once: 4 MB
 BAND_ROWS = 32  # rows of the image that are finished at once
 STEP_S = 0.004  # seconds that the graphics card may be given work for before it is waited for
 Steps = Generator[None, None, None]
@@ -87,13 +87,13 @@ class GpuScan:
     """One scan on the graphics card. `send` first, then `draw` as often as wanted."""
 
     def __init__(self, shaders: Shaders, scan: ScanTexels) -> None:
-        self._shaders, self._scan = shaders, scan
-        self._table: gpu.types.GPUTexture | None = None
+        self._shaders, self._coefficients, self._antialiased = shaders, scan.coefficients, scan.antialiased
+        self._table: gpu.types.GPUTexture | None = None  # set once it was sent
         self._images: ImageTargets | None = None
 
-    def send(self) -> Steps:
+    def send(self, scan: ScanTexels) -> Steps:
         """Sends the scan's table, some rows at a time, so that no step takes long."""
-        texels = self._scan.texels.reshape(-1, 4)
+        texels = scan.texels.reshape(-1, 4)
         rows = -(-max(len(texels), 1) // TABLE_WIDTH)
         whole = Target(TABLE_WIDTH, rows, 1)
         for first in range(0, rows, SENT_ROWS):
@@ -111,11 +111,12 @@ class GpuScan:
         k, points = request.intrinsics, request.points
         if self._images is None or self._images.size != (k.width, k.height):
             self._images = ImageTargets(k.width, k.height)
+        assert self._table is not None, "the scan is sent first"
         images, count = self._images, len(points)
         if not count:
             black = np.zeros((k.height, k.width), np.float32)
             return RenderedView(np.zeros((k.height, k.width, 3), np.float32), black, black.copy(), black.copy())
-        splats = self._projected(request)
+        splats = self._projected(request, self._table)
         yield
         size = min(max(-(-count // BATCHES), BATCH_MIN), BATCH_MAX)
         with _drawing(images.joined[0]):
@@ -130,14 +131,14 @@ class GpuScan:
                 yield from pace.step()
         return (yield from self._finish(splats, images, now, (size, count)))
 
-    def _projected(self, request: ViewRequest) -> Target:
+    def _projected(self, request: ViewRequest, table: gpu.types.GPUTexture) -> Target:
         """The splats of a view: centres, shapes and colours, in the order of its points."""
         points = as_rows(request.points)
         splats = Target(TABLE_WIDTH, len(points), 3)
         block = _view_block(request)  # It has to live until the draw, because the shader does not hold it.
-        shader = self._shaders.project(self._scan.coefficients, self._scan.antialiased)
+        shader = self._shaders.project(self._coefficients, self._antialiased)
         with _drawing(splats):
-            shader.draw([self._table, _texture(points)], block=block)
+            shader.draw([table, _texture(points)], block=block)
             splats.buffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
         return splats
 

@@ -5,7 +5,7 @@ Numpy alone: fit for worker threads.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ...core.geometry.quaternion import rotations_of
 from ...core.render import constants as c
 from ...core.splats.scene import GaussianScene
 
-TABLE_WIDTH = 4096  # texels in a row of each table
+TABLE_WIDTH = 8192  # texels in a row of each table
 CHUNK = 1 << 16  # Gaussians whose numbers are computed at a time
 SHAPE_TEXELS = 3  # nine scaled axes, the logarithm of the opacity, and room for two numbers
 # The next larger whole numbers are no float32 any more, and the numbers of Gaussians go to the shader as such.
@@ -41,6 +41,10 @@ class ScanTexels:
 
     def __len__(self) -> int:
         return len(self.means)
+
+    def sent(self) -> ScanTexels:
+        """The same without the texels, once the graphics card has them."""
+        return replace(self, texels=np.empty((0, *self.texels.shape[1:]), np.float32))
 
 
 def texels_per_gaussian(coefficients: int) -> int:
