@@ -65,7 +65,7 @@ def scan_texels(scene: GaussianScene) -> ScanTexels:
     origin = np.median(means, axis=0).astype(np.float64) if n else np.zeros(3)
     texels = np.zeros((n, texels_per_gaussian(count), 4), np.float32)
     reach = np.empty(n, np.float32)
-    flat = texels.reshape(n, -1)
+    flat = texels.reshape(n, 4 * texels.shape[1])
     for begin in range(0, n, CHUNK):
         part = slice(begin, begin + CHUNK)
         index = keep[part]
