@@ -7,13 +7,13 @@ a batch is left as it was before that batch, and the batch's splats are composit
 of a batch are relative to its first splat, which keeps their variance exact where float32 squares of depths would not.
 
 All of this belongs to the main thread, with a GPU context; the functions are generators that yield between steps, so that the
-caller can give the window its turn.
+caller can give the window its turn. Nothing is bound at a yield, for Blender draws its own meanwhile.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 
 import gpu
@@ -48,16 +48,19 @@ class Pace:
     def __init__(self) -> None:
         self._count, self._group = 0, 1
 
-    def step(self) -> Iterator[None]:
-        """After each piece of work, with its framebuffer bound; yields where the caller may pause."""
+    def wait(self) -> bool:
+        """To be called after each piece of work, with its framebuffer bound. True when the card was waited for, so that the
+        caller may pause once the framebuffer is unbound.
+        """
         self._count += 1
-        if self._count >= self._group:
-            start = time.perf_counter()
-            gpu.state.active_framebuffer_get().read_color(0, 0, 1, 1, 4, 0, "FLOAT")
-            waited = time.perf_counter() - start
-            self._group = max(1, self._group // 2) if waited > STEP_S else min(64, 2 * self._group)
-            self._count = 0
-            yield
+        if self._count < self._group:
+            return False
+        start = time.perf_counter()
+        gpu.state.active_framebuffer_get().read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+        waited = time.perf_counter() - start
+        self._group = max(1, self._group // 2) if waited > STEP_S else min(64, 2 * self._group)
+        self._count = 0
+        return True
 
 
 class Target:
@@ -128,7 +131,9 @@ class GpuScan:
             with _drawing(images.joined[1 - now]):
                 self._shaders.join.draw([*images.joined[now].textures, *images.batch.textures], numbers)
                 now = 1 - now
-                yield from pace.step()
+                done = pace.wait()
+            if done:
+                yield
         return (yield from self._finish(splats, images, now, (size, count)))
 
     def _projected(self, request: ViewRequest, table: gpu.types.GPUTexture) -> Target:
@@ -165,7 +170,9 @@ class GpuScan:
                 gpu.state.scissor_set(0, first, width, min(BAND_ROWS, height - first))
                 self._shaders.finish.draw(textures, numbers)
                 gpu.state.scissor_test_set(False)
-                yield from pace.step()
+                done = pace.wait()
+            if done:
+                yield
         with _drawing(images.batch):
             picture, depths = images.batch.read(0), images.batch.read(1)
         color, rest = np.ascontiguousarray(picture[..., :3]), (depths[..., 0], picture[..., 3], depths[..., 1])

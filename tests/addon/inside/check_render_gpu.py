@@ -118,7 +118,7 @@ class Asking:
         def ask():
             try:
                 found.append(self.renderer.render(CAMERA, Pose()))
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001 - the caller judges it
                 found.append(error)
 
         threads = [threading.Thread(target=ask) for _ in range(count)]
