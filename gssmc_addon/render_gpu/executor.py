@@ -77,14 +77,15 @@ class MainThreadExecutor:
         self._holders: weakref.WeakSet[Holder] = weakref.WeakSet()
         self._unused: list[object] = []  # what only the main thread may let go
         self._lock = threading.Lock()
+        self._timer = self._tick  # Blender knows a timer by the object, and each look-up of a method makes another
 
     def hold(self) -> Holder:
         """For one that will ask. Main thread. `release` it in the end."""
         owner = Holder()
         with self._lock:
             self._holders.add(owner)
-        if not bpy.app.timers.is_registered(self._tick):
-            bpy.app.timers.register(self._tick, persistent=True)
+        if not bpy.app.timers.is_registered(self._timer):
+            bpy.app.timers.register(self._timer, persistent=True)
         return owner
 
     def release(self, owner: Holder) -> None:
@@ -97,6 +98,14 @@ class MainThreadExecutor:
             self.let_go(task.steps)
             task.steps = None
             task.end(Cancelled("Rendering was cancelled."))
+
+    def close(self) -> None:
+        """Nobody asks any more, as when the extension is switched off. Main thread."""
+        for owner in list(self._holders):
+            self.release(owner)
+        self.empty()
+        if bpy.app.timers.is_registered(self._timer):
+            bpy.app.timers.unregister(self._timer)
 
     def let_go(self, unused: object) -> None:
         """Forgets textures and what holds them, in the main thread, for no other may free them. Any thread."""

@@ -27,7 +27,6 @@ from ...pose.refine import iterate_refinement
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...pose.settings import RefineSettings
-from ...render import ProcessRenderer, RenderSettings
 from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
 from ...support.steps import run_to_end
@@ -39,6 +38,7 @@ from ..outcome import FAILED_VERDICT, OK, Outcome, shown
 from ..paths import check_outputs
 from ..pinning import Pinning
 from ..progress import ProgressBar
+from ..renderer import scene_renderer
 from ..result import put_result
 
 PINS_HELP = (
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> Outcome:
         wanted = straight(wanted)
     scene = read_splats(args.scene)
     say_dropped(scene)
-    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+    with scene_renderer(args, scene, settings.threads) as renderer:
         if args.pins is None:
             placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
         else:

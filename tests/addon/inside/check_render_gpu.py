@@ -1,6 +1,7 @@
 """Views from the graphics card: their pictures against the slow twin's, what becomes of a card that fails, and a refinement."""
 
 import gc
+import json
 import threading
 import time
 from dataclasses import replace
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import rooms
 from render_scenes import assert_same_view, cloud, make_scene
+from samples import random_gaussians, write_photo, write_ply
 
 from core.geometry.camera import Intrinsics, Pose
 from core.render import render_reference
@@ -248,19 +250,41 @@ def test_a_scan_beyond_the_memory_limit_stays_with_the_processor(card, extension
     assert not offer.fault
 
 
+@pytest.fixture
+def chosen(card, monkeypatch):
+    """The renderers on the card that are made from here on."""
+    made, kind = [], card.offer.GpuRenderer
+    monkeypatch.setattr(card.offer, "GpuRenderer", lambda *given: made.append(kind(*given)) or made[-1])
+    return made
+
+
+def test_the_command_line_draws_with_the_card_and_saves_the_scene(bpy, card, chosen, extension, tmp_path):
+    """The command runs beside the main thread then, and saving is the main thread's."""
+    main = extension("gssmc_addon.headless.command").main
+    write_ply(tmp_path / "scan.ply", random_gaussians(300, 0))
+    write_photo(tmp_path / "a.png", 60, 90)
+    frame = {"file": "a.png", "width": 60, "height": 90, "fx": 80, "fy": 80, "cx": 30, "cy": 45}
+    (tmp_path / "start.json").write_text(json.dumps({"frames": [frame | {"R": np.eye(3).tolist(), "t": [0, 0, 6.0]}]}))
+    words = ["refine", tmp_path / "scan.ply", tmp_path / "a.png", "--camera", tmp_path / "start.json", "--no-locate"]
+    words += ["--out", tmp_path / "result.json", "--blend", tmp_path / "out.blend"]
+    assert main([*map(str, words), "--renderer", "gpu"]) == 3, "a photo of another place must fail"
+    assert [renderer.fault for renderer in chosen] == [""]
+    assert (tmp_path / "out.blend").exists()
+    assert main([*map(str, words), "--renderer", "cpu"]) == 3
+    assert main([*map(str, words), "--renderer", "gpu", "--features", "nonsense"]) == 2
+    assert len(chosen) == 1
+
+
 QUICK = {**rooms.QUICK, "long_side_px": 160, "iterations": 2, "threads": 2}
 
 
-def test_a_refinement_on_the_card_ends_where_the_processors_does(bpy, own, card, place, extension, monkeypatch):
+def test_a_refinement_on_the_card_ends_where_the_processors_does(bpy, own, card, chosen, tmp_path, monkeypatch):
     """Also one whose card fails in the middle, which says so."""
-    room, _, starts = place
+    room, _, starts = rooms.photos(tmp_path, 1)
     bpy.ops.gssmc.import_splats(filepath=str(room.scene))
     bpy.ops.gssmc.add_photo(filepath=str(room.folder / "photos" / "p0.png"), camera_file=str(starts), camera="NEW")
     scene, found = bpy.context.scene, {}
     start = scene.camera.matrix_world.copy()
-    chosen = []
-    kept = card.offer.GpuRenderer
-    monkeypatch.setattr(card.offer, "GpuRenderer", lambda *given: chosen.append(kept(*given)) or chosen[-1])
     draw, drawings = card.draw.GpuScan.draw, []
 
     def fails_later(self, request):
