@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -70,8 +71,8 @@ def _add_options(parser: argparse.ArgumentParser, offer: CardOffer | None = None
         parser.set_defaults(make_renderer=partial(_renderer, offer))
 
 
-def _renderer(offer: CardOffer, scene: GaussianScene, settings: RenderSettings) -> ClosingRenderer:
-    return offer.renderer(scene, settings, lambda: ProcessRenderer(scene, settings))
+def _renderer(offer: CardOffer, scene: GaussianScene, settings: RenderSettings) -> closing[ClosingRenderer]:
+    return closing(offer.renderer(scene, settings, lambda: ProcessRenderer(scene, settings)))
 
 
 def _save_blend(args: argparse.Namespace, outcome: Outcome) -> None:

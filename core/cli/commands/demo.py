@@ -15,6 +15,7 @@ from ...geometry.camera import pose_error
 from ...locate import FindReport, MapCache, MapPlace, MapSettings
 from ...photos.photo import read_photo
 from ...pictures.chessboard import before_after, save_png
+from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ...support.words import counted
 from ...synthetic import SampleFiles, write_sample
@@ -22,7 +23,6 @@ from ..console import say
 from ..flags import add_settings_flags, settings_from
 from ..maps import find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome
-from ..renderer import scene_renderer
 
 RESULT, PICTURE, TRUTH = "result.json", "before_after.png", "truth.json"
 WRITTEN = ("room.ply", "photo.jpg", "start.json", TRUTH, RESULT, PICTURE)
@@ -32,6 +32,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser("demo", help="build the sample scene and find the camera of a photo of it")
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="where everything is written (demo)")
     add_settings_flags(parser)
+    parser.set_defaults(make_renderer=ProcessRenderer)  # a program that this runs in may have another
     return parser
 
 
@@ -42,7 +43,7 @@ def run(args: argparse.Namespace) -> Outcome:
     scene, photo = read_splats(sample.scene), read_photo(sample.photo)
     lens = Unplaced.of(replace(read_cameras(sample.start)[0], file=str(sample.photo)))  # its pose is for who wants to try it
     cache = MapCache(scene, MapPlace(sample.scene), MapSettings(threads=settings.threads))
-    with scene_renderer(args, scene, settings.threads) as renderer:
+    with args.make_renderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         found = find_with_progress(renderer, find_target(photo, lens), cache, settings)
         if found.refined is not None:
             picture = before_after(renderer, photo, found.refined.start, found.refined.camera)

@@ -13,6 +13,7 @@ from ...cameras.files import StartCamera
 from ...cameras.unplaced import Unplaced
 from ...photos.lens_guess import guess_lens
 from ...photos.photo import Photo
+from ...render import ProcessRenderer, RenderSettings
 from ...splats import read_splats
 from ..console import message
 from ..dropped import say_dropped
@@ -20,7 +21,6 @@ from ..flags import CAMERAS_HELP, MASK_HELP, SCENE_HELP, add_axes_flag, add_sett
 from ..maps import MapFlags, add_map_flags, check_results, find_with_progress
 from ..outcome import FAILED_VERDICT, OK, Outcome, shown
 from ..paths import check_outputs
-from ..renderer import scene_renderer
 from ..result import put_result
 from .refine import mask_file, pick_wanted
 
@@ -36,6 +36,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add_axes_flag(parser)
     add_map_flags(parser)
     add_settings_flags(parser)
+    parser.set_defaults(make_renderer=ProcessRenderer)  # a program that this runs in may have another
     return parser
 
 
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace) -> Outcome:
     _say_lens(given, photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
-    with scene_renderer(args, scene, settings.threads) as renderer:
+    with args.make_renderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         found = whole_found(photo, find_with_progress(renderer, target, flags.cache(scene), settings), wanted)
     put_result(args.out, into_file(found_to_dict(found, wanted), scene.origin))
     if found.camera is None or found.refined is None:

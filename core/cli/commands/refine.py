@@ -27,6 +27,7 @@ from ...pose.refine import iterate_refinement
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...pose.settings import RefineSettings
+from ...render import ProcessRenderer, RenderSettings
 from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
 from ...support.steps import run_to_end
@@ -38,7 +39,6 @@ from ..outcome import FAILED_VERDICT, OK, Outcome, shown
 from ..paths import check_outputs
 from ..pinning import Pinning
 from ..progress import ProgressBar
-from ..renderer import scene_renderer
 from ..result import put_result
 
 PINS_HELP = (
@@ -61,6 +61,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add_axes_flag(parser)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser)
+    parser.set_defaults(make_renderer=ProcessRenderer)  # a program that this runs in may have another
     return parser
 
 
@@ -86,7 +87,7 @@ def run(args: argparse.Namespace) -> Outcome:
         wanted = straight(wanted)
     scene = read_splats(args.scene)
     say_dropped(scene)
-    with scene_renderer(args, scene, settings.threads) as renderer:
+    with args.make_renderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         if args.pins is None:
             placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
         else:
