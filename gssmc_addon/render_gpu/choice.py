@@ -73,8 +73,13 @@ def plan(wanted: Wanted) -> Plan:
     if reason := _no_context():
         return Plan(False, forced, reason)
     if not forced and is_software():
-        return Plan(False, reason=f"{gpu.platform.renderer_get()} is no graphics card")
+        return Plan(False, reason=told("{device} is no graphics card", device=gpu.platform.renderer_get()))
     return Plan(True, forced)
+
+
+def told(template: str, **values: object) -> str:
+    """A reason for the log, which is English; its {names} filled with `values`."""
+    return template.format(**values)
 
 
 def _device_is_there() -> bool:
@@ -89,7 +94,7 @@ def _no_context() -> str:
     try:
         if bpy.app.background:
             if not hasattr(gpu, "init"):
-                return f"Blender {bpy.app.version_string} has no GPU in background mode"
+                return told("Blender {version} has no GPU in background mode", version=bpy.app.version_string)
             gpu.init()
         gpu.platform.renderer_get()
     except (SystemError, RuntimeError, AttributeError) as error:
@@ -124,7 +129,8 @@ def refusal(test: DeviceTest, forced: bool, threads: int) -> str:
         return test.fault
     side_by_side = min(threads or os.cpu_count() or 1, MAX_PROCESSES)
     if not forced and test.card_s * side_by_side >= test.thread_s:
-        return f"its test view took {test.card_s:.3f} s, that of one of {side_by_side} threads {test.thread_s:.3f} s"
+        values = {"card": test.card_s, "threads": side_by_side, "thread": test.thread_s}
+        return told("its test view took {card:.3f} s, that of one of {threads} threads {thread:.3f} s", **values)
     return ""
 
 
@@ -155,7 +161,7 @@ def _test(owner: Holder) -> DeviceTest:
     try:
         view, card_s = executor.ask(work, owner)
     except (RuntimeError, SystemError, MemoryError, ValueError, TypeError, OSError) as error:
-        return DeviceTest(0.0, thread_s, f"its test view failed ({error})")
+        return DeviceTest(0.0, thread_s, told("its test view failed ({error})", error=error))
     return DeviceTest(card_s, thread_s, difference(view, right))
 
 
@@ -181,7 +187,7 @@ def difference(view: RenderedView, right: RenderedView) -> str:
     varies = variance > EQUAL * right.depth_variance + 1e-5 * right.depth**2
     off = (color > EQUAL) | (alpha > EQUAL) | (solid & (depth | varies))
     if off.mean() > ODD_SHARE or color.max() > ODD:
-        return f"its test view differs from the processor's in {100 * off.mean():.1f} % of the pixels"
+        return told("its test view differs from the processor's in {share:.1%} of the pixels", share=off.mean())
     return ""
 
 

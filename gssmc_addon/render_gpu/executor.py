@@ -24,6 +24,7 @@ SLICE_S = 0.02  # seconds of a call that may go into work; a single step may tak
 POLL_S = 0.004
 # A main thread that does not come by for so long is busy with something else, or waits for the very thread that asks.
 LIMIT_S = 60.0
+LATE = "Blender's main thread did not come to draw within a minute"
 T = TypeVar("T")
 Work = Callable[[], Generator[None, None, T]]
 
@@ -149,7 +150,7 @@ class MainThreadExecutor:
                 self._tasks.remove(task)
             self.let_go(task.steps)
             task.steps = None
-            task.end(MainThreadBusyError(f"Blender's main thread did not draw for {LIMIT_S:.0f} s"))
+            task.end(MainThreadBusyError(LATE))
 
     def serve(self, seconds: float = SLICE_S) -> bool:
         """Works for that long, at least one step. Main thread. True when there is more to do."""

@@ -26,6 +26,7 @@ log = logging.getLogger(__name__)
 FAULTS = (RuntimeError, SystemError, MemoryError, ValueError, TypeError, ReferenceError, OSError, MainThreadBusyError)
 # Opacity from which on a view of the processor shows something that the card's empty view lacks.
 SHOWS = 0.1
+FAILED, BLANK = "it failed", "it drew nothing"
 
 
 class ClosingRenderer(ViewRenderer, Protocol):
@@ -86,7 +87,7 @@ class GpuRenderer:
                 raise Cancelled("Rendering was cancelled.")
             scan = self._scan
         if scan is None:  # another view has just failed
-            raise CardError("it failed")
+            raise CardError(FAILED)
         request = ViewRequest(intrinsics, pose, seen_points(scan, intrinsics, pose, self._settings.near))
         view = executor.ask(partial(self._work, scan, request), self._owner)
         if problem := choice.unfit(view):
@@ -95,12 +96,12 @@ class GpuRenderer:
             # A card that was lost gives black pictures without a word. What a view shows no part of is rare.
             right = self._here().render(intrinsics, pose)
             if right.alpha.max() > SHOWS:
-                raise CardError("it drew nothing")
+                raise CardError(BLANK)
         return view
 
     def _work(self, scan: ScanTexels, request: ViewRequest) -> Generator[None, None, RenderedView]:
         if self.fault or self._closed:
-            raise CardError(self.fault or "it was given up")
+            raise CardError(self.fault or FAILED)
         there = self._there
         if there is None:
             there = GpuScan(choice.shaders(), scan)
@@ -119,7 +120,7 @@ class GpuRenderer:
 
     def _give_up(self, error: Exception) -> None:
         with self._lock:
-            first, self.fault = not self.fault, self.fault or str(error) or type(error).__name__
+            first, self.fault = not self.fault, self.fault or str(error) or repr(error)
         if first:
             log.warning("The graphics card is not used any more (%s); the processor draws on", self.fault)
             self._free()
@@ -139,5 +140,5 @@ def why_not(scene: GaussianScene, spare_bytes: int | None, largest_side: int) ->
         return "the scan has too many Gaussians for its textures"
     needed = gpu_bytes(count, coefficients)
     if spare_bytes is not None and needed > spare_bytes:
-        return f"the scan would take {needed / 1e9:.1f} GB of it, more than the memory limit leaves"
+        return choice.told("the scan would take {size:.1f} GB of it, more than the memory limit leaves", size=needed / 1e9)
     return ""

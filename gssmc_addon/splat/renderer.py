@@ -58,7 +58,7 @@ class SplatRenderer:
         """A sentence on what went wrong with the graphics card, although the work went on; "" for nothing. Main thread."""
         if self._offer is None or not self._offer.fault:
             return ""
-        return rpt_("The graphics card failed ({reason}), and the processor drew the rest.", reason=self._offer.fault)
+        return rpt_("The graphics card failed, and the processor drew the rest; the log says what happened.")
 
     def close(self) -> None:
         """Ends the processes and frees the graphics card; a refinement that still draws ends with Cancelled. Any thread, also
