@@ -122,8 +122,8 @@ class GpuScan:
         splats = self._projected(request, self._table)
         yield
         size = min(max(-(-count // BATCHES), BATCH_MIN), BATCH_MAX)
-        with _drawing(images.joined[0]):
-            _clear(images.joined[0], ((0, 0, 0, 1), (0, 0, 0, 0)))
+        for texture, transmittance in zip(images.joined[0].textures, (1.0, 0.0), strict=True):
+            texture.clear(format="FLOAT", value=(0.0, 0.0, 0.0, transmittance))
         pace, now = Pace(), 0
         for number, first in enumerate(range(0, count, size)):
             numbers = {"batch": number, "depth0": float(points[first, 2])}
@@ -151,7 +151,7 @@ class GpuScan:
         """The splats `part`, blended from the last to the first, where the image `now` has not ended."""
         width, height = images.size
         with _drawing(images.batch, "ALPHA_PREMULT"):
-            _clear(images.batch, ((0, 0, 0, 0),) * 2)
+            images.batch.buffer.clear(color=(0.0, 0.0, 0.0, 0.0))
             numbers = {"last": part[1] - 1, "width": width, "height": height, "depth0": depth0}
             self._shaders.splat.draw([*splats.textures, images.joined[now].textures[1]], numbers, part[1] - part[0])
 
@@ -198,12 +198,6 @@ class _drawing:
     def __exit__(self, *error: object) -> None:
         gpu.state.blend_set("NONE")
         self._bound.__exit__(*error)
-
-
-def _clear(target: Target, values: tuple[tuple[int, int, int, int], ...]) -> None:
-    """Clears each texture of the bound target to its own value."""
-    for texture, value in zip(target.textures, values, strict=True):
-        texture.clear(format="FLOAT", value=value)
 
 
 def _texture(table: np.ndarray) -> gpu.types.GPUTexture:
