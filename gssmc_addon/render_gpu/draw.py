@@ -169,7 +169,6 @@ class GpuScan:
                 gpu.state.scissor_test_set(True)
                 gpu.state.scissor_set(0, first, width, min(BAND_ROWS, height - first))
                 self._shaders.finish.draw(textures, numbers)
-                gpu.state.scissor_test_set(False)
                 done = pace.wait()
             if done:
                 yield
@@ -197,6 +196,7 @@ class _drawing:
 
     def __exit__(self, *error: object) -> None:
         gpu.state.blend_set("NONE")
+        gpu.state.scissor_test_set(False)
         self._bound.__exit__(*error)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from ...core.geometry.camera import Intrinsics, Pose
 from ...core.geometry.quaternion import rotations_of
 from ...core.render import constants as c
+from ...core.render.project import ascending_order
 from ...core.splats.scene import GaussianScene
 
 TABLE_WIDTH = 8192  # texels in a row of each table
@@ -87,7 +88,7 @@ def seen_points(scan: ScanTexels, intrinsics: Intrinsics, pose: Pose, near: floa
     parts = [_seen(scan, slice(a, a + CHUNK), intrinsics, pose, near) for a in range(0, len(scan), CHUNK)]
     if parts:
         out = np.concatenate(parts)
-    return out[np.argsort(out[:, 2], kind="stable")]
+    return out.take(ascending_order(np.ascontiguousarray(out[:, 2])), axis=0)
 
 
 def _seen(scan: ScanTexels, part: slice, k: Intrinsics, pose: Pose, near: float) -> np.ndarray:

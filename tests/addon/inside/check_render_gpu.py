@@ -5,6 +5,7 @@ import json
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from render_scenes import assert_same_view, cloud, make_scene
 from samples import random_gaussians, write_photo, write_ply
 
 from core.geometry.camera import Intrinsics, Pose
-from core.render import render_reference
+from core.render import Renderer, render_reference
+from core.splats import read_splats
 
 MODULE = "bl_ext.user_default.gssmc"
 CAMERA = Intrinsics(61, 43, 50.0, 55.0, 28.0, 24.0)
@@ -106,6 +108,23 @@ def test_the_near_plane_cuts(card):
     scene = make_scene([[0, 0, 0.1]], 0.01, opacity=0.9)
     assert not drawn(card, scene, CAMERA, Pose()).alpha.any()
     assert drawn(card, scene, CAMERA, Pose(), near=0.05).alpha.max() > 0.5
+
+
+SCENES = Path(__file__).parents[3].parent / "shared" / "scenes"
+
+
+@pytest.mark.parametrize("name", ["fox", "monstree", "room"])
+def test_the_card_draws_a_real_scan_as_the_processor_does(card, name):
+    """Which is held against the slow twin and against another program; a small picture, for software GL is slow."""
+    if not (SCENES / name / "reference.json").exists():
+        pytest.skip("the real scans (shared/scenes) are not here")
+    scene = read_splats(SCENES / name / "scene.ply")
+    frame = json.loads((SCENES / name / "reference.json").read_text())["frames"][0]
+    whole = Intrinsics(*(frame[key] for key in ("width", "height", "fx", "fy", "cx", "cy")))
+    camera, pose = whole.resized(whole.width // 5, whole.height // 5), Pose(frame["R"], frame["t"])
+    right = Renderer(scene).render(camera, pose)
+    assert right.alpha.mean() > 0.5
+    assert_same_view(drawn(card, scene, camera, pose), right)
 
 
 class Asking:
