@@ -317,6 +317,7 @@ def test_a_refinement_on_the_card_ends_where_the_processors_does(bpy, own, card,
         if run == "failing":
             monkeypatch.setattr(card.draw.GpuScan, "draw", fails_later)
         bpy.ops.gssmc.refine(locate=False, **QUICK)
+        assert ("graphics card failed" in bpy.context.window_manager.gssmc.message) == (run == "failing")
         found[run] = (np.array(scene.camera.matrix_world), scene.camera.data.gssmc.verdict)
         assert len(chosen) == {"processor": 0, "card": 1, "failing": 2}[run]
     assert not chosen[0].fault
