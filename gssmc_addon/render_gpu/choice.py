@@ -21,7 +21,7 @@ from ...core.render.processes import MAX_PROCESSES
 from ...core.render.view import RenderedView
 from ...core.splats.scene import GaussianScene
 from .draw import GpuScan, ViewRequest
-from .executor import Holder, executor
+from .executor import Holder, MainThreadBusyError, executor
 from .shaders import Shaders
 from .tables import scan_texels, seen_points
 
@@ -30,6 +30,8 @@ log = logging.getLogger(__name__)
 Wanted = Literal["AUTO", "CPU", "GPU"]
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "lavapipe")
 TEST_GAUSSIANS, TEST_CAMERA = 40_000, Intrinsics(320, 240, 280.0, 280.0, 160.0, 120.0)
+# What drawing may raise, each of which means that the card is not to be used.
+FAULTS = (RuntimeError, SystemError, MemoryError, ValueError, TypeError, ReferenceError, OSError, MainThreadBusyError)
 # Of the test's pixels so many may differ by a decision at a threshold that falls the other way; by less than this in colour.
 ODD_SHARE, EQUAL, ODD = 2e-3, 1e-3, 0.05
 
@@ -160,7 +162,7 @@ def _test(owner: Holder) -> DeviceTest:
 
     try:
         view, card_s = executor.ask(work, owner)
-    except (RuntimeError, SystemError, MemoryError, ValueError, TypeError, OSError) as error:
+    except FAULTS as error:
         return DeviceTest(0.0, thread_s, told("its test view failed ({error})", error=error))
     return DeviceTest(card_s, thread_s, difference(view, right))
 

@@ -18,12 +18,11 @@ from ...core.render.view import RenderedView, ViewRenderer, sole_renderer
 from ...core.splats.scene import GaussianScene
 from . import choice
 from .draw import GpuScan, ViewRequest
-from .executor import Holder, MainThreadBusyError, executor
+from .executor import Holder, executor
 from .tables import MOST_GAUSSIANS, TABLE_WIDTH, ScanTexels, gpu_bytes, scan_texels, seen_points, texels_per_gaussian
 
 log = logging.getLogger(__name__)
 
-FAULTS = (RuntimeError, SystemError, MemoryError, ValueError, TypeError, ReferenceError, OSError, MainThreadBusyError)
 # Opacity from which on a view of the processor shows something that the card's empty view lacks.
 SHOWS = 0.1
 FAILED, BLANK = "it failed", "it drew nothing"
@@ -68,7 +67,7 @@ class GpuRenderer:
         if not self.fault:
             try:
                 return self._drawn(intrinsics, pose)
-            except (CardError, *FAULTS) as error:
+            except (CardError, *choice.FAULTS) as error:
                 self._give_up(error)
         return self._here().render(intrinsics, pose)
 
