@@ -95,7 +95,9 @@ class GpuScan:
         self._images: ImageTargets | None = None
 
     def send(self, scan: ScanTexels) -> Steps:
-        """Sends the scan's table, some rows at a time, so that no step takes long."""
+        """Compiles the shaders and sends the scan's table, a part in each step, so that none takes long."""
+        for _ in self._shaders.compiled(self._coefficients, self._antialiased):
+            yield
         texels = scan.texels.reshape(-1, 4)
         rows = -(-max(len(texels), 1) // TABLE_WIDTH)
         whole = Target(TABLE_WIDTH, rows, 1)

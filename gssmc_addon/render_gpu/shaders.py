@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -126,7 +126,7 @@ class Shader:
 
 
 class Shaders:
-    """All passes; each is compiled when it is first used."""
+    """All passes; each is compiled when it is first asked for."""
 
     def __init__(self) -> None:
         self._project: dict[tuple[int, bool], Shader] = {}
@@ -146,6 +146,14 @@ class Shaders:
     @cached_property
     def finish(self) -> Shader:
         return Shader(FINISH, {})
+
+    def compiled(self, coefficients: int, antialiased: bool) -> Iterator[Shader]:
+        """All that such scans need, each compiled when it is asked for."""
+        yield self.copy
+        yield self.project(coefficients, antialiased)
+        yield self.splat
+        yield self.join
+        yield self.finish
 
     def project(self, coefficients: int, antialiased: bool) -> Shader:
         """The projection of scans with so many SH coefficients to a channel."""
