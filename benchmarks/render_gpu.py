@@ -4,9 +4,10 @@
     .venv/bin/python benchmarks/render_gpu.py --refine [--scenes ...] [--frames N]
 
 The second refines photos from 5 % and 4 degrees off with views of the processor and of the card, and says how far apart the two
-cameras are, beside the deviations that the first one states. Runs in any Python that has bpy 5.2 or newer, which make a GPU context in background mode. --share: of the pictures' size.
-Needs the scans in ../shared/scenes (see the README). "off" is the share of pixels whose colour or alpha is more than 1e-4, or
-whose depth more than 0.1 %, from those of `core.render.Renderer`.
+cameras are, beside the deviations that the first one states. Runs in any Python that has bpy 5.2 or newer, which make a GPU
+context in background mode. --share: of the pictures' size; --frames: the first so many of each scene. Needs the scans in
+../shared/scenes (see the README). "off" is the share of pixels whose colour or alpha is more than 1e-4, or whose depth more
+than 0.1 %, from those of `core.render.Renderer`.
 """
 
 from __future__ import annotations

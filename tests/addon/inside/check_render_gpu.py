@@ -213,6 +213,18 @@ def test_a_card_that_fails_costs_no_view(card, asking, monkeypatch, caplog, fail
     assert sum("not used any more" in record.getMessage() for record in caplog.records) == 1
 
 
+def test_a_main_thread_that_does_not_come_costs_no_view(card, asking, monkeypatch):
+    """As one that waits for the very thread that asks."""
+    threads, right, _ = asking
+    monkeypatch.setattr(card.executor, "LIMIT_S", 0.2)
+    found = []
+    thread = threading.Thread(target=lambda: found.append(threads.renderer.render(CAMERA, Pose())))
+    thread.start()
+    thread.join(20)
+    assert_same_view(found[0], right)
+    assert threads.renderer.fault == card.executor.LATE
+
+
 def test_closing_frees_the_card_and_ends_what_waits(card, asking, extension):
     threads, _, _ = asking
     threads.views(1)
@@ -292,6 +304,16 @@ def test_the_command_line_draws_with_the_card_and_saves_the_scene(bpy, card, cho
     assert main([*map(str, words), "--renderer", "cpu"]) == 3
     assert main([*map(str, words), "--renderer", "gpu", "--features", "nonsense"]) == 2
     assert len(chosen) == 1
+
+
+def test_where_nothing_can_be_drawn_the_processor_draws_and_the_log_says_why(extension, monkeypatch, caplog):
+    choice, offer = extension("gssmc_addon.render_gpu.choice"), extension("gssmc_addon.render_gpu.offer")
+    monkeypatch.setattr(choice, "_no_context", lambda: "there is no context")
+    made = offer.CardOffer("GPU", 0, 1)
+    assert not made.asks
+    assert made.renderer(None, None, lambda: "processor") == "processor"
+    assert "there is no context" in caplog.text
+    made.close()
 
 
 QUICK = {**rooms.QUICK, "long_side_px": 160, "iterations": 2, "threads": 2}
