@@ -20,6 +20,7 @@ from ...core.render import Renderer, RenderSettings
 from ...core.render.processes import MAX_PROCESSES
 from ...core.render.view import RenderedView
 from ...core.splats.scene import GaussianScene
+from ..viewport.gpu import is_software
 from .draw import GpuScan, ViewRequest
 from .executor import Holder, MainThreadBusyError, executor
 from .shaders import Shaders
@@ -28,7 +29,6 @@ from .tables import scan_texels, seen_points
 log = logging.getLogger(__name__)
 
 Wanted = Literal["AUTO", "CPU", "GPU"]
-SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "lavapipe")
 TEST_GAUSSIANS, TEST_CAMERA = 40_000, Intrinsics(320, 240, 280.0, 280.0, 160.0, 120.0)
 # What drawing may raise, each of which means that the card is not to be used.
 FAULTS = (RuntimeError, SystemError, MemoryError, ValueError, TypeError, ReferenceError, OSError, MainThreadBusyError)
@@ -102,12 +102,6 @@ def _no_context() -> str:
     except (SystemError, RuntimeError, AttributeError) as error:
         return str(error)
     return ""
-
-
-def is_software() -> bool:
-    """True when the processor does the graphics card's work."""
-    renderer, kind = gpu.platform.renderer_get().lower(), gpu.platform.device_type_get()
-    return kind == "SOFTWARE" or any(word in renderer for word in SOFTWARE)
 
 
 def shaders() -> Shaders:

@@ -22,6 +22,7 @@ import numpy as np
 from ...core.geometry.camera import Intrinsics, Pose
 from ...core.render import constants as c
 from ...core.render.view import RenderedView
+from ..viewport.gpu import texture
 from .shaders import Shaders
 from .tables import TABLE_WIDTH, ScanTexels, as_rows
 
@@ -103,7 +104,7 @@ class GpuScan:
         whole = Target(TABLE_WIDTH, rows, 1)
         for first in range(0, rows, SENT_ROWS):
             part = as_rows(texels[first * TABLE_WIDTH : (first + SENT_ROWS) * TABLE_WIDTH])
-            sent = _texture(part)
+            sent = texture(part)
             with _drawing(whole):
                 gpu.state.viewport_set(0, first, TABLE_WIDTH, len(part))
                 self._shaders.copy.draw([sent], {"first_row": first})
@@ -124,8 +125,8 @@ class GpuScan:
         splats = self._projected(request, self._table)
         yield
         size = min(max(-(-count // BATCHES), BATCH_MIN), BATCH_MAX)
-        for texture, transmittance in zip(images.joined[0].textures, (1.0, 0.0), strict=True):
-            texture.clear(format="FLOAT", value=(0.0, 0.0, 0.0, transmittance))
+        for begun, transmittance in zip(images.joined[0].textures, (1.0, 0.0), strict=True):
+            begun.clear(format="FLOAT", value=(0.0, 0.0, 0.0, transmittance))
         pace, now = Pace(), 0
         for number, first in enumerate(range(0, count, size)):
             numbers = {"batch": number, "depth0": float(points[first, 2])}
@@ -145,7 +146,7 @@ class GpuScan:
         block = _view_block(request)  # It has to live until the draw, because the shader does not hold it.
         shader = self._shaders.project(self._coefficients, self._antialiased)
         with _drawing(splats):
-            shader.draw([table, _texture(points)], block=block)
+            shader.draw([table, texture(points)], block=block)
             splats.buffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
         return splats
 
@@ -200,13 +201,6 @@ class _drawing:
         gpu.state.blend_set("NONE")
         gpu.state.scissor_test_set(False)
         self._bound.__exit__(*error)
-
-
-def _texture(table: np.ndarray) -> gpu.types.GPUTexture:
-    """A float texture of a table (H, W, 4)."""
-    data = np.ascontiguousarray(table, np.float32)
-    buffer = gpu.types.Buffer("FLOAT", data.size, data.ravel())
-    return gpu.types.GPUTexture((data.shape[1], data.shape[0]), format="RGBA32F", data=buffer)
 
 
 def _view_block(request: ViewRequest) -> gpu.types.GPUUniformBuf:

@@ -49,7 +49,9 @@ class _Task:
         self.error: BaseException | None = None
 
     def advance(self) -> None:
-        """One step. Main thread."""
+        """One step. Main thread, also where the generator is forgotten: it holds textures."""
+        if self.done.is_set():
+            return
         self.touched = time.monotonic()
         try:
             if self.steps is None:
@@ -63,6 +65,8 @@ class _Task:
             # Its frames hold textures, which must not be let go by the thread that asked.
             error.__traceback__ = error.__context__ = error.__cause__ = None
             self.end(error)
+        if self.done.is_set():  # also by `release`, in another thread meanwhile
+            self.steps = None
         self.touched = time.monotonic()
 
     def end(self, error: BaseException) -> None:

@@ -24,6 +24,7 @@ MOST_GAUSSIANS = 1 << 24
 CUT_MARGIN = 2e-3
 # sqrt(2 ln 255 * 0.3) pixels: how far the low-pass filter alone can carry a Gaussian.
 MAX_PIXEL_MARGIN = 1.9
+IMAGE_BYTES = 100_000_000  # of the card, for the pictures of a view while it is drawn: 96 to a pixel
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +55,8 @@ def texels_per_gaussian(coefficients: int) -> int:
 
 
 def gpu_bytes(gaussians: int, coefficients: int) -> int:
-    """Memory of the graphics card that a scan takes: its own table, and what one view projects of it."""
-    return 16 * gaussians * (texels_per_gaussian(coefficients) + 4)
+    """Memory of the graphics card that a scan takes: its own table, what one view projects of it, and the view itself."""
+    return IMAGE_BYTES + 16 * gaussians * (texels_per_gaussian(coefficients) + 4)
 
 
 def scan_texels(scene: GaussianScene) -> ScanTexels:
