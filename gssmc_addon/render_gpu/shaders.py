@@ -45,11 +45,11 @@ class Pass:
 
 
 COPY = Pass("full", "copy", ("part_tex",), ("texel",), ("first_row",))
-PROJECT = Pass("full", "project", ("scan_tex", "points_tex"), ("middle", "spread", "light"))
+PROJECT = Pass("full", "project", ("scan_tex", "points_tex"), ("bounds", "form", "light"))
 SPLAT = Pass(
     "splat",
     "splat",
-    ("middle_tex", "spread_tex", "light_tex", "state_tex"),
+    ("bounds_tex", "form_tex", "light_tex", "state_tex"),
     ("light", "depths"),
     ("last", "width", "height"),
     ("depth0",),
@@ -65,7 +65,7 @@ JOIN = Pass(
 FINISH = Pass(
     "full",
     "finish",
-    ("light_tex", "state_tex", "middle_tex", "spread_tex", "splat_light_tex"),
+    ("light_tex", "state_tex", "bounds_tex", "form_tex", "splat_light_tex"),
     ("picture", "depths"),
     ("batch_size", "count"),
 )

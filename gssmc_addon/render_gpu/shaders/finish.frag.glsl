@@ -11,16 +11,19 @@ void main()
   if (state.w > 0.0) {
     int begin = (int(state.w) - 1) * batch_size;
     int end = min(begin + batch_size, count);
-    float depth0 = texelFetch(spread_tex, ivec2(begin % TABLE_WIDTH, begin / TABLE_WIDTH), 0).z;
+    float depth0 = texelFetch(splat_light_tex, ivec2(begin % TABLE_WIDTH, begin / TABLE_WIDTH), 0).w;
     float left = light.a;
     vec3 sums = vec3(0.0); /* of weights, and of weights times relative depths and their squares */
     for (int number = begin; number < end; number++) {
       ivec2 cell = ivec2(number % TABLE_WIDTH, number / TABLE_WIDTH);
-      vec4 m = texelFetch(middle_tex, cell, 0);
-      vec4 s = texelFetch(spread_tex, cell, 0);
-      vec2 d = gl_FragCoord.xy - m.xy;
-      float a = m.z * d.x + m.w * d.y, b = s.x * d.y;
-      float alpha = min(ALPHA_MAX, exp(s.y - 0.5 * (a * a + b * b)));
+      vec4 bounds = texelFetch(bounds_tex, cell, 0);
+      vec2 d = gl_FragCoord.xy - bounds.xy;
+      if (abs(d.x) > bounds.z + 0.01 || abs(d.y) > bounds.w + 0.01) {
+        continue; /* most of a batch lies elsewhere */
+      }
+      vec4 f = texelFetch(form_tex, cell, 0);
+      float a = f.x * d.x + f.y * d.y, b = f.z * d.y;
+      float alpha = min(ALPHA_MAX, exp(f.w - 0.5 * (a * a + b * b)));
       if (alpha < ALPHA_MIN) {
         continue;
       }
@@ -28,8 +31,9 @@ void main()
       if (after < TRANSMITTANCE_MIN) {
         break;
       }
-      float weight = left * alpha, z = s.z - depth0;
-      rgb += weight * texelFetch(splat_light_tex, cell, 0).rgb;
+      vec4 own = texelFetch(splat_light_tex, cell, 0);
+      float weight = left * alpha, z = own.w - depth0;
+      rgb += weight * own.rgb;
       sums += weight * vec3(1.0, z, z * z);
       left = after;
     }

@@ -1,7 +1,7 @@
 /* EWA projection and colour of one Gaussian to a fragment, as core/render/project.py and reference.py have them.
 
-Out: middle = centre x y in pixels, l1, l2; spread = l3, log opacity, depth, radius; light = RGB, 0. The quadratic form of a
-splat is q = (l1 dx + l2 dy)^2 + (l3 dy)^2, alpha is 1/255 where q is the radius squared. */
+Out: bounds = centre x y and half width and height in pixels of the ellipse where alpha is 1/255; form = l1, l2, l3 and log
+opacity, of q = (l1 dx + l2 dy)^2 + (l3 dy)^2; light = RGB and depth. */
 
 vec4 texel_of(int number)
 {
@@ -43,8 +43,8 @@ vec3 colour(int begin, vec3 d)
 void main()
 {
   int number = int(gl_FragCoord.y) * TABLE_WIDTH + int(gl_FragCoord.x);
-  middle = vec4(0.0);
-  spread = vec4(0.0);
+  bounds = vec4(0.0);
+  form = vec4(0.0);
   light = vec4(0.0);
   if (number >= int(view.sizes.z)) {
     return;
@@ -88,7 +88,8 @@ void main()
   vec3 ahead = point.xyz / max(length(point.xyz), 1e-30);
   vec3 direction = vec3(dot(view.turn[0].xyz, ahead), dot(view.turn[1].xyz, ahead), dot(view.turn[2].xyz, ahead));
 
-  middle = vec4(pixel, l1, l2);
-  spread = vec4(l3, log_opacity, z, sqrt(cut));
-  light = vec4(colour(begin + 3, direction), 0.0);
+  float radius = sqrt(cut);
+  bounds = vec4(pixel, radius * sqrt(xx + LOWPASS), radius / l3);
+  form = vec4(l1, l2, l3, log_opacity);
+  light = vec4(colour(begin + 3, direction), z);
 }

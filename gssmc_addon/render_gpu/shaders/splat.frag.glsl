@@ -7,11 +7,11 @@ void main()
     discard; /* the pixel ended in an earlier batch */
   }
   vec2 d = gl_FragCoord.xy - centre.xy;
-  float a = centre.z * d.x + centre.w * d.y, b = form.x * d.y;
-  float alpha = min(ALPHA_MAX, exp(form.y - 0.5 * (a * a + b * b)));
+  float a = form.x * d.x + form.y * d.y, b = form.z * d.y;
+  float alpha = min(ALPHA_MAX, exp(form.w - 0.5 * (a * a + b * b)));
   if (alpha < ALPHA_MIN) {
     discard;
   }
   light = vec4(rgb.rgb * alpha, alpha);
-  depths = vec4(form.z * alpha, form.z * form.z * alpha, 0.0, alpha);
+  depths = vec4(centre.z * alpha, centre.z * centre.z * alpha, 0.0, alpha);
 }
