@@ -1,23 +1,28 @@
 """What is left of a refinement where drawing costs nothing: its views are recorded once, and replayed from memory.
 
-    .venv/bin/python benchmarks/replay.py [--scenes fox] [--starts near] [--photos N] [--threads N] [--again N] [--steps]
+    .venv/bin/python benchmarks/replay.py [--scenes fox] [--starts near] [--photos N] [--threads N] [--again N] [--steps | --path]
 
 That is the bound for a renderer that is infinitely fast, and what a graphics card can come near to. --again: each replay is
 timed so many times, of which the fastest counts; --steps: where the time of the replays goes, by what the refinement says that
-it does. Needs the scans in ../shared/scenes (see the README).
+it does; --path: views are worked on one after the other, and beside the processor seconds stands what would be left of them if
+every view of a fan had a core of its own. Needs the scans in ../shared/scenes (see the README).
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 import threading
 import time
 from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -26,13 +31,16 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.real_scenes import SCENES, STARTS, Scan, start_camera
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.photos.photo import Photo, read_photo
+from core.pose.final import stage
 from core.pose.refine import iterate_refinement
 from core.pose.report import RefineReport
+from core.pose.search import loop
 from core.pose.settings import RefineSettings
 from core.render import ProcessRenderer, RenderSettings
 from core.render.view import RenderedView, ViewRenderer, sole_renderer
 
 Key = tuple[object, ...]
+VIEW_POOL = stage.view_pool
 
 
 class ReplayRenderer:
@@ -109,6 +117,46 @@ def timed(renderer: ReplayRenderer, photo: Photo, camera: Camera, settings: Refi
         step, since = "".join(c for c in news.step if not c.isdigit()).split(" of ")[0].strip(), now
 
 
+class OneByOne:
+    """In place of the pool that works on a fan's views side by side; `spared_s`: what cores enough would spare."""
+
+    def __init__(self) -> None:
+        self.spared_s, self._fan = 0.0, list[float]()
+
+    @contextlib.contextmanager
+    def pool(self, threads: int) -> Iterator[OneByOne]:
+        self._fan = []
+        yield self
+        self.spared_s += sum(self._fan) - max(self._fan, default=0.0)
+
+    def submit(self, function: Callable[..., object], *given: object) -> Future[object]:
+        future: Future[object] = Future()
+        since = time.process_time()
+        future.set_result(function(*given))
+        self._fan.append(time.process_time() - since)
+        return future
+
+
+def path_row(scan: Scan, renderer: ViewRenderer, index: int, args: argparse.Namespace) -> str:
+    """Processor seconds of one photo's replay, and those of its longest path."""
+    truth, one_by_one = scan.cameras[index], OneByOne()
+    camera = start_camera(truth, scan.depth, *STARTS[args.starts], seed=index)
+    work = (ReplayRenderer(renderer), read_photo(SCENES / scan.name / truth.file), camera, RefineSettings(threads=args.threads))
+    timed(*work)
+    loop.view_pool = stage.view_pool = one_by_one.pool  # type: ignore[assignment, attr-defined]
+    cv2.setNumThreads(1)
+    try:
+        runs = []
+        for _ in range(args.again):
+            one_by_one.spared_s = 0.0
+            seconds = timed(*work).processor_s
+            runs.append((seconds, seconds - one_by_one.spared_s))
+    finally:
+        loop.view_pool = stage.view_pool = VIEW_POOL  # type: ignore[attr-defined]
+    seconds, path = min(runs)
+    return f"| {scan.name} | {Path(truth.file).stem} | {seconds:.2f} | {path:.2f} |"
+
+
 def run_photo(scan: Scan, renderer: ViewRenderer, index: int, args: argparse.Namespace) -> tuple[str, Run, Run]:
     """The row of one photo, and its refinement with views drawn and replayed."""
     truth, start = scan.cameras[index], args.starts
@@ -138,8 +186,17 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--again", type=int, default=2)
     parser.add_argument("--steps", action="store_true")
+    parser.add_argument("--path", action="store_true")
     args = parser.parse_args()
     print(f"load {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores, threads {args.threads or 'one per core'}")
+    if args.path:
+        print("| scan | photo | processor s | of that on the longest path |\n|---|---|---|---|")
+        for name in args.scenes:
+            scan = Scan.load(name)
+            with ProcessRenderer(scan.scene, RenderSettings(threads=args.threads)) as renderer:
+                for index in range(len(scan.cameras))[: args.photos or None]:
+                    print(path_row(scan, renderer, index, args), flush=True)
+        return
     print("| scan | photo | views | s drawn | s replayed | processor s replayed | verdict | same pose |")
     print("|---|---|---|---|---|---|---|---|")
     replayed, steps = [], Counter[str]()

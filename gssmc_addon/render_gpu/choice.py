@@ -15,6 +15,7 @@ import bpy
 import gpu
 import numpy as np
 
+from ...core.errors import GssmcError
 from ...core.geometry.camera import Intrinsics, Pose
 from ...core.render import Renderer, RenderSettings
 from ...core.render.processes import MAX_PROCESSES
@@ -22,7 +23,7 @@ from ...core.render.view import RenderedView
 from ...core.splats.scene import GaussianScene
 from ..viewport.gpu import is_software
 from .draw import GpuScan, ViewRequest
-from .executor import Holder, MainThreadBusyError, executor
+from .executor import Holder, executor
 from .shaders import Shaders
 from .tables import scan_texels, seen_points
 
@@ -30,8 +31,6 @@ log = logging.getLogger(__name__)
 
 Wanted = Literal["AUTO", "CPU", "GPU"]
 TEST_GAUSSIANS, TEST_CAMERA = 40_000, Intrinsics(320, 240, 280.0, 280.0, 160.0, 120.0)
-# What drawing may raise, each of which means that the card is not to be used.
-FAULTS = (RuntimeError, SystemError, MemoryError, ValueError, TypeError, ReferenceError, OSError, MainThreadBusyError)
 # Of the test's pixels so many may differ by a decision at a threshold that falls the other way; by less than this in colour.
 ODD_SHARE, EQUAL, ODD = 2e-3, 1e-3, 0.05
 
@@ -156,7 +155,9 @@ def _test(owner: Holder) -> DeviceTest:
 
     try:
         view, card_s = executor.ask(work, owner)
-    except FAULTS as error:
+    except GssmcError:
+        raise
+    except Exception as error:  # noqa: BLE001 - as a shader that does not compile: Blender raises Exception itself
         return DeviceTest(0.0, thread_s, told("its test view failed ({error})", error=error))
     return DeviceTest(card_s, thread_s, difference(view, right))
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator
 from functools import partial
 from typing import Protocol
 
-from ...core.errors import Cancelled
+from ...core.errors import Cancelled, GssmcError
 from ...core.geometry.camera import Intrinsics, Pose
 from ...core.render import RenderSettings
 from ...core.render.view import RenderedView, ViewRenderer, sole_renderer
@@ -67,7 +67,9 @@ class GpuRenderer:
         if not self.fault:
             try:
                 return self._drawn(intrinsics, pose)
-            except (CardError, *choice.FAULTS) as error:
+            except GssmcError:
+                raise
+            except Exception as error:  # noqa: BLE001 - as a shader that does not compile: Blender raises Exception itself
                 self._give_up(error)
         return self._here().render(intrinsics, pose)
 

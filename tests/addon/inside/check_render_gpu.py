@@ -193,6 +193,11 @@ def nothing(self, request):
     return replace(view, **{name: np.zeros_like(getattr(view, name)) for name in ("color", "alpha", "depth", "depth_variance")})
 
 
+def not_compiled(*_):
+    raise Exception("Shader Compile Error, see console for more details")
+    yield
+
+
 def out_of_memory(*_):
     raise MemoryError
     yield
@@ -200,7 +205,8 @@ def out_of_memory(*_):
 
 @pytest.mark.parametrize(
     ("fails", "says"),
-    [(raising, "device was lost"), (no_numbers, "no numbers"), (nothing, "drew nothing"), (out_of_memory, "MemoryError")],
+    [(raising, "device was lost"), (no_numbers, "no numbers"), (nothing, "drew nothing")]
+    + [(not_compiled, "Compile"), (out_of_memory, "MemoryError")],
 )
 def test_a_card_that_fails_costs_no_view(card, asking, monkeypatch, caplog, fails, says):
     threads, right, made = asking
