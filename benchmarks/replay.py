@@ -1,6 +1,7 @@
 """What is left of a refinement where drawing costs nothing: its views are recorded once, and replayed from memory.
 
-    .venv/bin/python benchmarks/replay.py [--scenes fox] [--starts near] [--photos N] [--threads N] [--again N] [--steps | --path]
+    .venv/bin/python benchmarks/replay.py [--scenes fox] [--starts near] [--photos N] [--threads N] [--again N]
+                                          [--steps | --path]
 
 That is the bound for a renderer that is infinitely fast, and what a graphics card can come near to. --again: each replay is
 timed so many times, of which the fastest counts; --steps: where the time of the replays goes, by what the refinement says that

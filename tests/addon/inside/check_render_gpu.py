@@ -205,8 +205,13 @@ def out_of_memory(*_):
 
 @pytest.mark.parametrize(
     ("fails", "says"),
-    [(raising, "device was lost"), (no_numbers, "no numbers"), (nothing, "drew nothing")]
-    + [(not_compiled, "Compile"), (out_of_memory, "MemoryError")],
+    [
+        (raising, "device was lost"),
+        (no_numbers, "no numbers"),
+        (nothing, "drew nothing"),
+        (not_compiled, "Compile"),
+        (out_of_memory, "MemoryError"),
+    ],
 )
 def test_a_card_that_fails_costs_no_view(card, asking, monkeypatch, caplog, fails, says):
     threads, right, made = asking
@@ -276,6 +281,14 @@ def test_the_test_view_is_right_here(card):
     test = card.choice.tested(owner)
     assert test.fault == ""
     assert min(test.card_s, test.thread_s) > 0
+    card.executor.executor.release(owner)
+
+
+def test_a_card_that_fails_its_test_is_not_used(card, monkeypatch):
+    monkeypatch.setattr(card.draw.GpuScan, "send", not_compiled)
+    monkeypatch.setattr(card.choice._session, "test", None)
+    owner = card.executor.executor.hold()
+    assert "Shader Compile Error" in card.choice.refusal(card.choice.tested(owner), True, 1)
     card.executor.executor.release(owner)
 
 
