@@ -118,6 +118,11 @@ def tested(owner: Holder) -> DeviceTest:
     return _session.test
 
 
+def last_test() -> DeviceTest | None:
+    """What the test found, None where none was made in this session."""
+    return _session.test
+
+
 def refusal(test: DeviceTest, forced: bool, threads: int) -> str:
     """Why the card is not used after its test; "" when it is. The processor draws a view on each of `threads` side by side."""
     if test.fault:
