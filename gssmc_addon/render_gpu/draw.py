@@ -30,7 +30,7 @@ BATCHES = 96  # that a view is drawn in, where that makes batches of a size with
 BATCH_MIN, BATCH_MAX = 64, 4096  # splats
 SENT_ROWS = 32  # rows of a table that are sent at once: 4 MB
 BAND_ROWS = 32  # rows of the image that are finished at once
-STEP_S = 0.004  # seconds that the graphics card may be given work for before it is waited for
+STEP_S = 0.008  # seconds that the graphics card may be given work for before it is waited for
 Steps = Generator[None, None, None]
 
 
@@ -48,6 +48,12 @@ class Pace:
 
     def __init__(self) -> None:
         self._count, self._group = 0, 1
+        self._since = 0.0
+
+    def begin(self) -> None:
+        """To be called before each piece of work."""
+        if self._count == 0:
+            self._since = time.perf_counter()
 
     def wait(self) -> bool:
         """To be called after each piece of work, with its framebuffer bound. True when the card was waited for, so that the
@@ -56,10 +62,12 @@ class Pace:
         self._count += 1
         if self._count < self._group:
             return False
-        start = time.perf_counter()
         gpu.state.active_framebuffer_get().read_color(0, 0, 1, 1, 4, 0, "FLOAT")
-        waited = time.perf_counter() - start
-        self._group = max(1, self._group // 2) if waited > STEP_S else min(64, 2 * self._group)
+        taken = time.perf_counter() - self._since
+        if taken > STEP_S:
+            self._group = max(1, int(self._group * STEP_S / taken))
+        elif 2 * taken < STEP_S:
+            self._group = min(64, 2 * self._group)
         self._count = 0
         return True
 
@@ -129,6 +137,7 @@ class GpuScan:
             begun.clear(format="FLOAT", value=(0.0, 0.0, 0.0, transmittance))
         pace, now = Pace(), 0
         for number, first in enumerate(range(0, count, size)):
+            pace.begin()
             numbers = {"batch": number, "depth0": float(points[first, 2])}
             self._batch(splats, images, now, (first, min(first + size, count)), numbers["depth0"])
             with _drawing(images.joined[1 - now]):
@@ -167,6 +176,7 @@ class GpuScan:
         textures = [*images.joined[now].textures, *splats.textures]
         pace = Pace()
         for first in range(0, height, BAND_ROWS):
+            pace.begin()
             with _drawing(images.batch):
                 gpu.state.viewport_set(0, 0, width, height)
                 gpu.state.scissor_test_set(True)
