@@ -126,11 +126,13 @@ class MainThreadExecutor:
     def ask(self, work: Work[T], owner: Holder) -> T:
         """What the work returns, or raises. It is a generator's making; the main thread may pause at each of its yields.
 
-        In the main thread it is done at once. Raises Cancelled when the owner is released meanwhile, MainThreadBusyError when
-        the main thread does not come.
+        In the main thread it is done at once, after what was asked for before: pieces of work may share what they work on.
+        Raises Cancelled when the owner is released meanwhile, MainThreadBusyError when the main thread does not come.
         """
         task = _Task(work, owner)
         if threading.current_thread() is threading.main_thread():
+            while self.serve():
+                pass
             while not task.done.is_set():
                 task.advance()
         else:

@@ -177,6 +177,22 @@ def test_threads_get_their_views_from_the_main_thread(asking):
     assert not made
 
 
+def test_a_view_for_the_main_thread_waits_for_one_that_is_half_drawn(card, asking):
+    """They share the textures that they are drawn in."""
+    threads, right, _ = asking
+    found = []
+    thread = threading.Thread(target=lambda: found.append(threads.renderer.render(CAMERA, Pose())))
+    threads.views(1)
+    thread.start()
+    while not card.executor.executor._tasks:
+        time.sleep(0.002)
+    assert card.executor.executor.serve(0.0), "the view was drawn in one step, hence this would prove nothing"
+    wide = replace(CAMERA, fx=20.0)
+    assert_same_view(threads.renderer.render(wide, Pose()), render_reference(make_scene(MEANS, SCALES), wide, Pose()))
+    thread.join(20)
+    assert_same_view(found[0], right)
+
+
 def raising(*_):
     raise RuntimeError("the device was lost")
     yield
