@@ -78,7 +78,7 @@ class Job:
                 result = self.tick()
                 if result is not None:
                     return result
-                executor.wait(self.join, self.tick_s)
+                self.join(self.tick_s)
         except BaseException:
             self.cancel()
             raise

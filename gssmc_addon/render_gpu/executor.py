@@ -176,8 +176,10 @@ class MainThreadExecutor:
                 return bool(self._tasks)
 
     def wait(self, join: Callable[[float], bool], seconds: float) -> bool:
-        """`join(seconds)` of a thread that may ask: serves meanwhile. Main thread. True when the thread has ended."""
+        """`join(seconds)` of a thread that may ask: the main thread serves meanwhile. True when the thread has ended."""
         end = time.perf_counter() + seconds
+        if threading.current_thread() is not threading.main_thread():
+            return join(seconds)
         while self._holders:
             more = self.serve()
             left = end - time.perf_counter()
