@@ -9,6 +9,7 @@ from typing import Any
 
 from ..batch.find_one import joined
 from ..batch.keys import BatchQuery, Refused
+from ..batch.records import LATER, TO_FIND, UNUSABLE
 from ..batch.store import ResultStore
 from ..cameras.training_world import Axes
 from ..cameras.unplaced import wanted_to_dict
@@ -23,8 +24,6 @@ from ..support.words import counted
 from .console import message
 from .maps import MapFlags, whole_map
 from .progress import ProgressBar
-
-TO_FIND = "to_be_found"  # of a record whose refinement from its start failed, until it has been searched for
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class Rounds:
         if from_start:
             work = _Round(queries, store, mark=self.flags is not None)
             work.run(first, self.workers, from_start, said)
-        to_find = [i for i in range(len(queries)) if i not in store.records or TO_FIND in store.records[i]]
+        to_find = [i for i in range(len(queries)) if store.records.ending(i) in (None, LATER)]
         if to_find and self.flags is not None:
             self._find(self.flags, first, to_find, _Round(queries, store), said)
         if said.dropped:
@@ -119,10 +118,8 @@ class _Round:
         return joined({name: value for name, value in before.items() if name not in (TO_FIND, "key")}, record)
 
     def _show(self, bar: ProgressBar) -> None:
-        done = [record for record in self.store.records.values() if TO_FIND not in record]
-        unusable = sum("error" in record for record in done)
-        failed = sum(record["verdict"] == "failed" for record in done) - unusable
-        later = len(self.store.records) - len(done)
-        more = [f", {number} {what}" for number, what in ((unusable, "not usable"), (later, "to be found")) if number]
-        text = f"{len(done)} of {len(self.queries)}, {failed} failed" + "".join(more)
-        bar.show(len(done) / len(self.queries), text)
+        endings = self.store.records.endings
+        later, total = endings[LATER], len(self.queries)
+        done = len(self.store.records) - later
+        more = [f", {n} {what}" for n, what in ((endings[UNUSABLE], UNUSABLE), (later, LATER)) if n]
+        bar.show(done / total, f"{done} of {total}, {endings['failed']} failed" + "".join(more))

@@ -11,11 +11,11 @@ import os
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from ...batch.keys import BatchQuery, query_keys
 from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
+from ...batch.records import LATER, UNUSABLE, KeptRecords
 from ...batch.store import ResultStore
 from ...cameras import pose_list, short
 from ...cameras.files import camera_from_dict
@@ -31,14 +31,11 @@ from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, nu
 from ..maps import MapFlags, add_map_flags, check_results
 from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome, has_camera, shown
 from ..paths import check_outputs
-from ..rounds import TO_FIND, Rounds
+from ..rounds import Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
 
-UNUSABLE = "not usable"  # of a photo that could not be tried at all
 ENDINGS = ("trusted", "check", "failed", UNUSABLE)
 LISTED = 10  # photos that are named when a batch ends
-
-Record = dict[str, Any]
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -87,13 +84,12 @@ def run(args: argparse.Namespace) -> Outcome:
         done = f"{_finished(store)} of {counted(len(queries), 'photo')}"
         message(f"Interrupted; {done} finished, in '{args.out}'. The same command goes on with the others.")
         return Outcome(INTERRUPTED)
-    records = [store.records[i] for i in range(len(queries))]
-    _say_lost(records, args.out)
-    counts = Counter(_ending(record) for record in records)
+    _say_lost(store.records, args.out)
+    counts = store.records.endings
     endings = [ending for ending in ENDINGS if ending != UNUSABLE or counts[ending]]
     say(", ".join(f"{counts[ending]} {ending}" for ending in endings) + f"; results in {args.out}")
     code = FAILED_VERDICT if counts["failed"] or counts[UNUSABLE] else OK
-    return _outcome(args, code, queries, records)
+    return _outcome(args, code, queries, store.records)
 
 
 def _word(args: argparse.Namespace, flags: MapFlags) -> str:
@@ -102,40 +98,38 @@ def _word(args: argparse.Namespace, flags: MapFlags) -> str:
 
 
 def _finished(store: ResultStore) -> int:
-    return sum(TO_FIND not in record for record in store.records.values())
+    return len(store.records) - store.records.endings[LATER]
 
 
-def _ending(record: Record) -> str:
-    """One of ENDINGS."""
-    return UNUSABLE if "error" in record else str(record["verdict"])
-
-
-def _say_lost(records: Sequence[Record], out: Path) -> None:
+def _say_lost(records: KeptRecords, out: Path) -> None:
     """Tells which photos failed or could not be used, and why; of many the first."""
-    lost = [record for record in records if _ending(record) in ("failed", UNUSABLE)]
-    for record in lost[:LISTED]:
+    lost = [index for index in sorted(records) if records.ending(index) in ("failed", UNUSABLE)]
+    for index in lost[:LISTED]:
+        record = records[index]
         ending = "failed" if "error" not in record else "could not be used"
         name = f"'{short(record['file'])}' {ending}: " if record["file"] else ""
         message(f"{name}{' '.join(record['reasons'][0].split())}")
     if len(lost) > LISTED:
         message(f"... and {len(lost) - LISTED} more in '{out}'.")
-    told = Counter(reason for record in records for reason in record["reasons"] if reason.startswith(TAKEN))
+    told: Counter[str] = Counter()
+    nowhere = 0
+    for record in (records[index] for index in sorted(records)):
+        told.update(reason for reason in record["reasons"] if reason.startswith(TAKEN))
+        nowhere += record["R"] is None and "error" not in record
     for sentence, count in told.items():
         message(sentence if count == 1 else f"In {count} of {counted(len(records), 'photo')}: {sentence}")
-    nowhere = sum(record["R"] is None and "error" not in record for record in records)
     if nowhere:
         be, have = ("was", "it has") if nowhere == 1 else ("were", "they have")
         message(f"{nowhere} of {counted(len(records), 'photo')} had no start and {be} not found, so {have} no pose.")
 
 
-def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], records: Sequence[Record]) -> Outcome:
+def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], records: KeptRecords) -> Outcome:
     """The outcome, of the photos that have a camera; the poses are written where they are asked for."""
-    placed = [i for i, record in enumerate(records) if has_camera(record)]
-    cameras = tuple(camera_from_dict(records[i]) for i in placed)
+    placed = {i: camera_from_dict(record) for i in sorted(records) if has_camera(record := records[i])}
     if args.poses is not None:
-        tried = [camera for i, camera in zip(placed, cameras, strict=True) if "error" not in records[i]]
+        tried = [camera for i, camera in placed.items() if records.ending(i) != UNUSABLE]
         pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
-    found = [shown(camera, queries[i].photo) for i, camera in zip(placed, cameras, strict=True)]
+    found = [shown(camera, queries[i].photo) for i, camera in placed.items()]
     masks = tuple(queries[i].mask if photo else None for i, (_, photo) in zip(placed, found, strict=True))
     return Outcome(code, args.scene, tuple(one[0] for one in found), tuple(one[1] for one in found), masks=masks)
 
