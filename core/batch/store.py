@@ -25,9 +25,11 @@ from ..pose.shared_records import OWN, own_record
 from ..support.atomic import atomic_write, remove_parts, sync_folder
 from ..support.lock import open_locked
 from ..support.words import counted
-from .records import KeptRecords, Record, ending_of, whole_write
+from .records import Gist, KeptRecords, Record, whole_write
 
 log = logging.getLogger(__name__)
+
+Line = tuple[Record, str]  # a record and its JSON text
 
 HEAD = '{"frames": [\n'  # a record per line follows, so that a file cut short still gives up its whole lines
 END = "]}\n"
@@ -91,7 +93,7 @@ class ResultStore:
         size, before = os.fstat(self._handle).st_size, self.records.place(index)
         try:
             # Known before it is in the journal: Ctrl-C in the middle must not lose what is there already.
-            self.records.put(index, text, ending_of(record))
+            self.records.put(index, text, Gist.of(record))
             self._changed = True
             whole_write(self._handle, (("" if size else JOURNAL_HEAD) + text + "\n").encode())
             self._sync()
@@ -110,7 +112,7 @@ class ResultStore:
         written with the results file, and not to the journal: it follows from what is there.
         """
         named = {name: value for name, value in record.items() if name != "key"}
-        self.records.put(index, json.dumps({**named, "key": self._keys[index]}), ending_of(record))
+        self.records.put(index, json.dumps({**named, "key": self._keys[index]}), Gist.of(record))
         self._changed = True
 
     def _locked(self) -> int:
@@ -131,15 +133,16 @@ class ResultStore:
             places.setdefault(key, []).append(index)
         others: dict[str, str] = {}
         shared = False
-        for frame in chain(self._results(), self._journalled()):
+        for frame, text in chain(self._results(), self._journalled()):
             if not frame["verdict"] or "error" in frame:
                 continue
-            shared = shared or (OWN in frame and frame["key"] in places)
-            own = own_record(frame) if frame["key"] in places else frame
-            for index in places.get(frame["key"], ()):
-                self.records.put(index, json.dumps(own), ending_of(own))
             if frame["key"] not in places:
-                others[frame["key"]] = json.dumps(frame)
+                others[frame["key"]] = text
+                continue
+            shared = shared or OWN in frame
+            own = own_record(frame) if OWN in frame else frame
+            for index in places[frame["key"]]:
+                self.records.put(index, json.dumps(own) if OWN in frame else text, Gist.of(own))
         if others:
             old = self._path.with_name(f"{self._path.name}.old")
             _save(old, [*others.values(), *self._texts()])
@@ -152,7 +155,7 @@ class ResultStore:
     def _texts(self) -> Iterator[str]:
         return (self.records.text(index) for index in sorted(self.records))
 
-    def _results(self) -> Iterator[Record]:
+    def _results(self) -> Iterator[Line]:
         """The records of the results file, of one cut short those that are whole. Raises ResultsError."""
         try:
             if self._path.exists():
@@ -160,7 +163,7 @@ class ResultStore:
         except (ValueError, KeyError, TypeError):
             raise ResultsError(f"'{self._path}' exists and is no results file of a batch; give another --out.") from None
 
-    def _journalled(self) -> Iterator[Record]:
+    def _journalled(self) -> Iterator[Line]:
         """The whole records that a killed run left in the journal. Raises ResultsError."""
         try:
             with self._journal.open(encoding="utf-8", errors="replace") as lines:
@@ -191,7 +194,7 @@ class ResultStore:
                 self._journal.unlink(missing_ok=True)
 
 
-def _frames(path: Path) -> Iterator[Record]:
+def _frames(path: Path) -> Iterator[Line]:
     """The records of a results file, of one cut short (a full disk, a broken copy) those that are whole.
 
     Raises ValueError, KeyError or TypeError when the file is something else.
@@ -206,13 +209,13 @@ def _frames(path: Path) -> Iterator[Record]:
         lines.seek(0)
         try:
             frames = json.loads(lines.read())["frames"]  # written by another program, perhaps with line breaks of its own
+            yield from ((frame, json.dumps(frame)) for frame in frames)
         except json.JSONDecodeError:
             if not ours:
                 raise
             lines.seek(0)
             lines.readline()
-            frames = _whole_lines(lines, path)
-        yield from frames
+            yield from _whole_lines(lines, path)
 
 
 def _is_lined(lines: Iterable[str]) -> bool:
@@ -225,7 +228,7 @@ def _is_lined(lines: Iterable[str]) -> bool:
     return last == END
 
 
-def _whole_lines(lines: Iterable[str], path: Path) -> Iterator[Record]:
+def _whole_lines(lines: Iterable[str], path: Path) -> Iterator[Line]:
     """The records of lines, one each; says how many of `path` are none."""
     damaged, cut = 0, False
     for line in lines:
@@ -236,7 +239,7 @@ def _whole_lines(lines: Iterable[str], path: Path) -> Iterator[Record]:
             except json.JSONDecodeError:
                 damaged, cut = damaged + 1, not line.endswith("\n")
                 continue
-            yield record
+            yield record, text
     if damaged == 1 and cut:
         log.warning("The last line of '%s' was cut short; its photo is done again", path)
     elif damaged:
@@ -244,11 +247,11 @@ def _whole_lines(lines: Iterable[str], path: Path) -> Iterator[Record]:
         log.warning("%s of '%s' %s damaged; %s done again", counted(damaged, "line"), path, be, have)
 
 
-def _checked(frames: Iterable[Record]) -> Iterator[Record]:
+def _checked(frames: Iterable[Line]) -> Iterator[Line]:
     """`frames`, as long as they are records. Raises KeyError or TypeError."""
-    for frame in frames:
+    for frame, text in frames:
         _ = {frame["key"]: frame["verdict"]}
-        yield frame
+        yield frame, text
 
 
 def _save(path: Path, texts: Iterable[str]) -> None:

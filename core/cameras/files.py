@@ -11,6 +11,7 @@ before EXIF turns them; "upright", which is also what a file without it means, t
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ from ..support.atomic import atomic_write
 from .types import LensOfSize, lens_of_file
 
 T = TypeVar("T")
+LARGEST = 1 << 53  # of the whole numbers that a float64 holds exactly
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 ORDER = "orientation"
 
@@ -208,7 +210,7 @@ def _pixel_order(data: dict[str, Any], name: str) -> PixelOrder:
 
 
 def _lens(data: dict[str, Any], name: str) -> Intrinsics:
-    numbers = {key: float(_numbers(data[key], (), name, key)) for key in NUMBERS}
+    numbers = {key: _number(data[key], name, key) for key in NUMBERS}
     for key in ("width", "height"):
         if not numbers[key].is_integer():
             raise CameraError(f'{name} has the entry "{key}" of {numbers[key]:g} pixels; give a whole number.')
@@ -229,6 +231,12 @@ def _wide(data: Any, name: str) -> WideLens | None:
         except CameraError as error:
             raise CameraError(f"{name} cannot be used: {error}") from None
     return wide
+
+
+def _number(value: Any, name: str, key: str) -> float:
+    """`value` as a number; of a file with thousands of cameras most are plain ones. Raises CameraError."""
+    plain = (type(value) is float and math.isfinite(value)) or (type(value) is int and abs(value) < LARGEST)
+    return float(value if plain else _numbers(value, (), name, key))
 
 
 def _numbers(value: Any, shape: tuple[int, ...], name: str, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:

@@ -63,7 +63,7 @@ def main(
     the command's own.
     """
     try:
-        args = build_parser(prog, add_options).parse_args(argv)
+        args = build_parser(prog, add_options).parse_args(argv, argparse.Namespace(outcome_used=on_outcome is not None))
         outcome: Outcome = COMMANDS[args.command].run(args)
         if on_outcome is not None and outcome.scene is not None:
             on_outcome(args, outcome)

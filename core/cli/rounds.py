@@ -49,7 +49,7 @@ class Rounds:
         if from_start:
             work = _Round(queries, store, mark=self.flags is not None)
             work.run(first, self.workers, from_start, said)
-        to_find = [i for i in range(len(queries)) if store.records.ending(i) in (None, LATER)]
+        to_find = [i for i in range(len(queries)) if (gist := store.records.gist(i)) is None or gist.ending == LATER]
         if to_find and self.flags is not None:
             self._find(self.flags, first, to_find, _Round(queries, store), said)
         if said.dropped:

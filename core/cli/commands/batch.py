@@ -19,7 +19,7 @@ from ...batch.records import LATER, UNUSABLE, KeptRecords
 from ...batch.store import ResultStore
 from ...cameras import pose_list, short
 from ...cameras.files import camera_from_dict
-from ...cameras.training_world import AXES, TAKEN
+from ...cameras.training_world import AXES
 from ...errors import UsageError
 from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
@@ -103,7 +103,8 @@ def _finished(store: ResultStore) -> int:
 
 def _say_lost(records: KeptRecords, out: Path) -> None:
     """Tells which photos failed or could not be used, and why; of many the first."""
-    lost = [index for index in sorted(records) if records.ending(index) in ("failed", UNUSABLE)]
+    gists = [(index, gist) for index in sorted(records) if (gist := records.gist(index)) is not None]
+    lost = [index for index, gist in gists if gist.ending in ("failed", UNUSABLE)]
     for index in lost[:LISTED]:
         record = records[index]
         ending = "failed" if "error" not in record else "could not be used"
@@ -111,23 +112,24 @@ def _say_lost(records: KeptRecords, out: Path) -> None:
         message(f"{name}{' '.join(record['reasons'][0].split())}")
     if len(lost) > LISTED:
         message(f"... and {len(lost) - LISTED} more in '{out}'.")
-    told: Counter[str] = Counter()
-    nowhere = 0
-    for record in (records[index] for index in sorted(records)):
-        told.update(reason for reason in record["reasons"] if reason.startswith(TAKEN))
-        nowhere += record["R"] is None and "error" not in record
+    told = Counter(sentence for _, gist in gists for sentence in gist.taken)
     for sentence, count in told.items():
         message(sentence if count == 1 else f"In {count} of {counted(len(records), 'photo')}: {sentence}")
+    nowhere = sum(not gist.placed and gist.ending != UNUSABLE for _, gist in gists)
     if nowhere:
         be, have = ("was", "it has") if nowhere == 1 else ("were", "they have")
         message(f"{nowhere} of {counted(len(records), 'photo')} had no start and {be} not found, so {have} no pose.")
 
 
 def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], records: KeptRecords) -> Outcome:
-    """The outcome, of the photos that have a camera; the poses are written where they are asked for."""
+    """The outcome, of the photos that have a camera; the poses are written where they are asked for. Of thousands of photos,
+    no camera is made that nobody asks for.
+    """
+    if args.poses is None and not args.outcome_used:
+        return Outcome(code, args.scene)
     placed = {i: camera_from_dict(record) for i in sorted(records) if has_camera(record := records[i])}
     if args.poses is not None:
-        tried = [camera for i, camera in placed.items() if records.ending(i) != UNUSABLE]
+        tried = [camera for i, camera in placed.items() if "error" not in records[i]]
         pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
     found = [shown(camera, queries[i].photo) for i, camera in placed.items()]
     masks = tuple(queries[i].mask if photo else None for i, (_, photo) in zip(placed, found, strict=True))
