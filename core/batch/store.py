@@ -53,8 +53,11 @@ class ResultStore:
     the results are, with ".old" behind. Leaving writes the results file in one step and removes the journal.
     """
 
-    def __init__(self, path: Path, keys: list[str]) -> None:
-        """`keys`: per query, a digest of everything that its answer depends on."""
+    def __init__(self, path: Path, keys: list[str], shard: Record | None = None) -> None:
+        """`keys`: per query, a digest of everything that its answer depends on. `shard`: what a shard says of itself, at the
+        head of both files.
+        """
+        self._head, self._journal_head = heads(shard)
         self._path = Path(os.path.realpath(path))
         self._journal = self._path.with_name(f"{self._path.name}.journal")
         self._keys = keys
@@ -95,7 +98,7 @@ class ResultStore:
             # Known before it is in the journal: Ctrl-C in the middle must not lose what is there already.
             self.records.put(index, text, Gist.of(record))
             self._changed = True
-            whole_write(self._handle, (("" if size else JOURNAL_HEAD) + text + "\n").encode())
+            whole_write(self._handle, (("" if size else self._journal_head) + text + "\n").encode())
             self._sync()
         except OSError:
             self.records.restore(index, before)
@@ -133,7 +136,7 @@ class ResultStore:
             places.setdefault(key, []).append(index)
         others: dict[str, str] = {}
         shared = False
-        for frame, text in chain(self._results(), self._journalled()):
+        for frame, text in chain(result_lines(self._path), journal_lines(self._journal)):
             if not frame["verdict"] or "error" in frame:
                 continue
             if frame["key"] not in places:
@@ -145,40 +148,21 @@ class ResultStore:
                 self.records.put(index, json.dumps(own) if OWN in frame else text, Gist.of(own))
         if others:
             old = self._path.with_name(f"{self._path.name}.old")
-            _save(old, [*others.values(), *self._texts()])
+            _save(old, HEAD, [*others.values(), *self._texts()])
             log.warning("%d results of other photos or options in '%s' are kept in '%s'", len(others), self._path, old)
         self._changed = os.fstat(self._handle).st_size > 0
         self._compact()
         # Until it is known what is shared now, the results of the earlier run stay as they are.
-        self._changed = shared
+        self._changed = shared or self._head != HEAD
 
     def _texts(self) -> Iterator[str]:
         return (self.records.text(index) for index in sorted(self.records))
-
-    def _results(self) -> Iterator[Line]:
-        """The records of the results file, of one cut short those that are whole. Raises ResultsError."""
-        try:
-            if self._path.exists():
-                yield from _checked(_frames(self._path))
-        except (ValueError, KeyError, TypeError):
-            raise ResultsError(f"'{self._path}' exists and is no results file of a batch; give another --out.") from None
-
-    def _journalled(self) -> Iterator[Line]:
-        """The whole records that a killed run left in the journal. Raises ResultsError."""
-        try:
-            with self._journal.open(encoding="utf-8", errors="replace") as lines:
-                head = lines.readline()
-                if not JOURNAL_HEAD.startswith(head):  # a run may be killed while it writes even that
-                    raise ValueError
-                yield from _checked(_whole_lines(lines, self._journal))
-        except (ValueError, KeyError, TypeError):
-            raise ResultsError(f"'{self._journal}' exists and is no journal of a batch; give another --out.") from None
 
     def _compact(self) -> None:
         """Writes the results file from all records, and only then empties the journal."""
         if not self._changed:
             return
-        _save(self._path, self._texts())
+        _save(self._path, self._head, self._texts())
         sync_folder(self._path.parent)
         os.ftruncate(self._handle, 0)
         self._changed = False
@@ -194,13 +178,48 @@ class ResultStore:
                 self._journal.unlink(missing_ok=True)
 
 
+def heads(shard: Record | None) -> tuple[str, str]:
+    """The first lines of the results file and of its journal; `shard` is what the results of a shard say of themselves."""
+    if shard is None:
+        return HEAD, JOURNAL_HEAD
+    said = json.dumps(shard)
+    return f'{{"shard": {said}, {HEAD[1:]}', f'{JOURNAL_HEAD[:-2]}, "shard": {said}}}\n'
+
+
+def is_head(line: str) -> bool:
+    """Whether `line` begins a results file as we write it."""
+    return line == HEAD or (line.startswith('{"shard": ') and line.endswith(HEAD[1:]))
+
+
+def result_lines(path: Path) -> Iterator[Line]:
+    """The records of a results file, of one cut short the whole ones; none where there is no file. Raises ResultsError."""
+    try:
+        if path.exists():
+            yield from _checked(_frames(path))
+    except (ValueError, KeyError, TypeError):
+        raise ResultsError(f"'{path}' exists and is no results file of a batch; give another --out.") from None
+
+
+def journal_lines(path: Path) -> Iterator[Line]:
+    """The whole records of a journal, which a killed run left or a run is writing. Raises ResultsError."""
+    try:
+        with path.open(encoding="utf-8", errors="replace") as lines:
+            head = lines.readline()
+            # A run may be killed while it writes even that.
+            if not JOURNAL_HEAD.startswith(head) and not head.startswith(f"{JOURNAL_HEAD[:-2]},"):
+                raise ValueError
+            yield from _checked(_whole_lines(lines, path))
+    except (ValueError, KeyError, TypeError):
+        raise ResultsError(f"'{path}' exists and is no journal of a batch; give another --out.") from None
+
+
 def _frames(path: Path) -> Iterator[Line]:
     """The records of a results file, of one cut short (a full disk, a broken copy) those that are whole.
 
     Raises ValueError, KeyError or TypeError when the file is something else.
     """
     with path.open(encoding="utf-8", errors="replace") as lines:
-        ours = lines.readline() == HEAD
+        ours = is_head(lines.readline())
         if ours and _is_lined(lines):
             lines.seek(0)
             lines.readline()
@@ -254,8 +273,8 @@ def _checked(frames: Iterable[Line]) -> Iterator[Line]:
         yield frame, text
 
 
-def _save(path: Path, texts: Iterable[str]) -> None:
+def _save(path: Path, head: str, texts: Iterable[str]) -> None:
     with atomic_write(path) as file:
-        file.write(HEAD)
+        file.write(head)
         file.writelines(",\n" * (k > 0) + text for k, text in enumerate(texts))
         file.write("\n" + END)
