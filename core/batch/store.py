@@ -21,6 +21,7 @@ from ..errors import GssmcError
 from ..pose.shared_records import OWN, own_record
 from ..support.atomic import atomic_write, remove_parts, sync_folder
 from ..support.lock import open_locked
+from ..support.sealed import is_sound, sealed
 
 log = logging.getLogger(__name__)
 
@@ -54,6 +55,7 @@ class ResultStore:
         self._texts: dict[int, str] = {}
         self._handle = -1
         self._changed = False  # since the results file was written
+        self._torn = False  # the results file, which is to be written anew even where nothing was lost
         self.records: dict[int, Record] = {}
 
     def __enter__(self) -> ResultStore:
@@ -82,7 +84,7 @@ class ResultStore:
 
     def put(self, index: int, record: Record) -> None:
         """Add a record; it is on disk when this returns. Raises OSError, and then the record is not there."""
-        text = json.dumps({**record, "key": self._keys[index]})
+        text = json.dumps(sealed({**record, "key": self._keys[index]}))
         size, before = os.fstat(self._handle).st_size, (self.records.get(index), self._texts.get(index))
         # Known before it is written: Ctrl-C in the middle must not lose what is in the journal already.
         self.records[index], self._texts[index], self._changed = record, text, True
@@ -100,7 +102,7 @@ class ResultStore:
         """
         named = {name: value for name, value in record.items() if name != "key"}
         self.records[index], self._changed = record, True
-        self._texts[index] = json.dumps({**named, "key": self._keys[index]})
+        self._texts[index] = json.dumps(sealed({**named, "key": self._keys[index]}))
 
     def _restore(self, index: int, record: Record | None, text: str | None) -> None:
         del self.records[index], self._texts[index]
@@ -121,40 +123,47 @@ class ResultStore:
 
     def _resume(self) -> None:
         found = [*self._results(), *self._journalled()]
-        usable = {frame["key"]: frame for frame in found if frame["verdict"] and "error" not in frame}
+        sound = [frame for frame in found if is_sound(frame)]
+        usable = {frame["key"]: frame for frame in sound if frame["verdict"] and "error" not in frame}
         for index, key in enumerate(self._keys):
             if key in usable:
                 own = own_record(usable[key])
-                self.records[index], self._texts[index] = own, json.dumps(own)
+                self.records[index], self._texts[index] = own, json.dumps(sealed(own))
         wanted = set(self._keys)
         others = [json.dumps(frame) for key, frame in usable.items() if key not in wanted]
+        if damaged := [json.dumps(frame) for frame in found if not is_sound(frame)]:
+            log.warning("%d results in '%s' were changed after they were written, and are made again", len(damaged), self._path)
+            others += damaged
+            self._torn = True
         if others:
             old = self._path.with_name(f"{self._path.name}.old")
             _save(old, [*others, *self._texts.values()])
             log.warning("%d results of other photos or options in '%s' are kept in '%s'", len(others), self._path, old)
-        self._changed = os.fstat(self._handle).st_size > 0
+        self._changed = os.fstat(self._handle).st_size > 0 or self._torn
         self._compact()
         # Until it is known what is shared now, the results of the earlier run stay as they are.
         self._changed = any(OWN in frame for key, frame in usable.items() if key in wanted)
 
     def _results(self) -> list[Record]:
-        """The records of the results file, of one cut short those that are whole. Raises ResultsError."""
+        """The records of the results file, of a damaged one those that are whole. Raises ResultsError."""
         if not self._path.exists():
             return []
+        text = self._path.read_text(encoding="utf-8", errors="replace")
         try:
-            return _checked(_frames(self._path.read_text(encoding="utf-8", errors="replace")))
-        except (ValueError, KeyError, TypeError):
+            found = _json_frames(text)
+            records = _checked(_rescued(text, text.startswith(HEAD)) if found is None else found)
+        except ValueError:
             raise ResultsError(f"'{self._path}' exists and is no results file of a batch; give another --out.") from None
+        self._torn = found is None or len(records) < len(found)
+        return records
 
     def _journalled(self) -> list[Record]:
         """The whole records that a killed run left in the journal. Raises ResultsError."""
         text = self._journal.read_text(encoding="utf-8", errors="replace")
         head = JOURNAL_HEAD[: len(text)]  # a run may be killed while it writes even that
         try:
-            if not text.startswith(head):
-                raise ValueError
-            return _checked(_whole_lines(text[len(head) :]))
-        except (ValueError, KeyError, TypeError):
+            return _checked(_rescued(text, text.startswith(head)))
+        except ValueError:
             raise ResultsError(f"'{self._journal}' exists and is no journal of a batch; give another --out.") from None
 
     def _compact(self) -> None:
@@ -177,33 +186,39 @@ class ResultStore:
                 self._journal.unlink(missing_ok=True)
 
 
-def _frames(text: str) -> list[Record]:
-    """The records of a results file's text, of one cut short (a full disk, a broken copy) those that are whole.
-
-    Raises ValueError, KeyError or TypeError when the text is something else.
-    """
+def _json_frames(text: str) -> list[Any] | None:
+    """What a results file's text holds as records; None where it is damaged, or another file's."""
     try:
-        frames: list[Record] = json.loads(text)["frames"]
-        return frames
-    except json.JSONDecodeError:
-        if not text.startswith(HEAD):
-            raise
-    return _whole_lines(text[len(HEAD) :])
+        return list(json.loads(text)["frames"])
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
-def _whole_lines(text: str) -> list[Record]:
-    whole: list[Record] = []
+def _rescued(text: str, begins_well: bool) -> list[Any]:
+    """What the whole lines of a damaged file hold (a run that was killed, a full disk, a broken copy).
+
+    Raises ValueError when the file begins as none of ours does, and none of the lines is certainly ours.
+    """
+    found: list[Any] = []
     for line in text.splitlines():
-        with contextlib.suppress(json.JSONDecodeError):
-            whole.append(json.loads(line.rstrip(",")))
-    return whole
+        if f"{line}\n" not in (HEAD, JOURNAL_HEAD):
+            with contextlib.suppress(json.JSONDecodeError):
+                found.append(json.loads(line.rstrip(",")))
+    if not begins_well and not any(map(_is_sound, found)):
+        raise ValueError("another file")
+    return found
 
 
-def _checked(frames: list[Record]) -> list[Record]:
-    """`frames`, when all are records. Raises KeyError or TypeError."""
-    for frame in frames:
-        _ = {frame["key"]: frame["verdict"]}
-    return frames
+def _checked(frames: list[Any]) -> list[Record]:
+    """The records among `frames`. Raises ValueError when there is something else, unless it stands beside sound records."""
+    records = [one for one in frames if isinstance(one, dict) and {"key", "verdict"} <= one.keys()]
+    if len(records) < len(frames) and not any(map(_is_sound, records)):
+        raise ValueError("no records")
+    return records
+
+
+def _is_sound(one: Any) -> bool:
+    return isinstance(one, dict) and is_sound(one)
 
 
 def _save(path: Path, texts: Iterable[str]) -> None:
