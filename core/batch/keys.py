@@ -16,7 +16,7 @@ from ..geometry.camera import Camera
 from ..pose.settings import RefineSettings
 from ..splats import scan_files
 
-KEY_VERSION = 5  # to be raised when the same input gets other answers, or records another form
+KEY_VERSION = 6  # to be raised when the same input gets other answers, or records another form
 BLOCKS, BLOCK_BYTES = 64, 1 << 16  # of a scan, which may have gigabytes
 
 Stamp = tuple[int, int] | None

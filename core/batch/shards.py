@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,12 @@ from typing import Any
 from ..errors import UsageError
 from ..pose.settings import RefineSettings
 from ..pose.shared_records import OWN, own_record
+from ..support.sealed import SUM
+from ..support.words import counted
 from .keys import KEY_VERSION, BatchQuery, given, key_of, scan_file_digest
+from .lines import JOURNAL_HEAD, StoredRecords, is_journal_head
 from .records import Record
-from .store import JOURNAL_HEAD, Line, ResultsError, journal_lines, result_lines
+from .store import ResultsError
 
 COMPARED = {"shards": "their number", "scan": "the scan", "queries": "the list of photos", "options": "the options"}
 
@@ -79,8 +82,8 @@ class ShardPhoto:
 
 @dataclass
 class Joined:
-    """What several shards hold together. `records`: JSON texts by query index; `gaps`: sentences on what is missing, `double`
-    and `conflicts` on what is there twice.
+    """What several shards hold together. `records`: JSON texts by query index; `gaps`, `conflicts`, `damage`: in words what is
+    missing, answered twice and otherwise, or left out; `double`: how many are there twice.
     """
 
     total: int = 0
@@ -90,6 +93,7 @@ class Joined:
     missing: int = 0
     double: int = 0
     conflicts: list[str] = field(default_factory=list)
+    damage: list[str] = field(default_factory=list)
 
 
 def find_shards(out: Path) -> list[Path]:
@@ -111,7 +115,7 @@ def join(paths: Sequence[Path]) -> Joined:
     for path, head in zip(files, told, strict=True):
         for name, words in COMPARED.items():
             if head[name] != told[0][name]:
-                raise ResultsError(f"'{files[0]}' and '{path}' are shards of two batches, for {words} differs; give those of one.")
+                raise ResultsError(f"'{files[0]}' and '{path}' are not of one batch, for {words} differs; leave one out.")
     joined = Joined(total=told[0]["photos"])
     given_by: dict[int, Path] = {}
     for path, head in zip(files, told, strict=True):
@@ -152,7 +156,7 @@ def _take(joined: Joined, path: Path, head: Record, given_by: dict[int, Path]) -
         joined.photos.setdefault(photo.index, photo)
         places[photo.key].append(photo)
     found: dict[int, Record] = {}
-    for frame, _ in _lines(path):
+    for frame in _records(joined, path):
         for photo in places.get(frame["key"], ()):
             if photo.index not in found or "error" not in frame:
                 found[photo.index] = own_record(frame) if OWN in frame else frame
@@ -168,14 +172,30 @@ def _take(joined: Joined, path: Path, head: Record, given_by: dict[int, Path]) -
                 joined.conflicts.append(f"'{name}' has another answer in '{path}' than in '{given_by[index]}', which is taken.")
 
 
-def _lines(path: Path) -> list[Line]:
+def _records(joined: Joined, path: Path) -> Iterator[Record]:
+    """The sound records of a shard, of its results and then of its journal. Raises ResultsError."""
     journal = path.with_name(f"{path.name}.journal")
-    return [*result_lines(path), *(journal_lines(journal) if journal.exists() else ())]
+    for stored in (StoredRecords(path), StoredRecords(journal, is_journal_head)):
+        if not stored.path.exists():
+            continue
+        changed = 0
+        try:
+            for frame, _, sound in stored:
+                changed += not sound
+                if sound and frame["verdict"]:
+                    yield frame
+        except ValueError:
+            raise ResultsError(f"'{stored.path}' holds no records of a batch; leave it out.") from None
+        if stored.damaged or changed:
+            lines = counted(stored.damaged + changed, "record")
+            joined.damage.append(
+                f"{lines} in '{stored.path}' {'is' if lines.startswith('1 ') else 'are'} damaged and left out."
+            )
 
 
 def _answer(record: Record) -> dict[str, Any]:
     """All of a record but how long it took, and the key, which knows when a file was copied."""
-    return {name: value for name, value in record.items() if name not in ("seconds", "key")}
+    return {name: value for name, value in record.items() if name not in ("seconds", "key", SUM)}
 
 
 def _name_gaps(joined: Joined, shards: int, there: set[int]) -> None:

@@ -16,7 +16,6 @@ import logging
 import os
 import time
 from collections.abc import Iterable, Iterator
-from itertools import chain
 from pathlib import Path
 from types import TracebackType
 
@@ -24,16 +23,12 @@ from ..errors import GssmcError
 from ..pose.shared_records import OWN, own_record
 from ..support.atomic import atomic_write, remove_parts, sync_folder
 from ..support.lock import open_locked
-from ..support.words import counted
+from ..support.sealed import sealed
+from .lines import END, HEAD, StoredRecords, heads, is_head, is_journal_head
 from .records import Gist, KeptRecords, Record, whole_write
 
 log = logging.getLogger(__name__)
 
-Line = tuple[Record, str]  # a record and its JSON text
-
-HEAD = '{"frames": [\n'  # a record per line follows, so that a file cut short still gives up its whole lines
-END = "]}\n"
-JOURNAL_HEAD = '{"gssmc_journal": 1}\n'
 SYNC_S = 0.5
 NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, errno.ENOSYS})
 
@@ -92,7 +87,7 @@ class ResultStore:
 
     def put(self, index: int, record: Record) -> None:
         """Add a record; it is in the journal when this returns. Raises OSError, and then the record is not there."""
-        text = json.dumps({**record, "key": self._keys[index]})
+        text = json.dumps(sealed({**record, "key": self._keys[index]}))
         size, before = os.fstat(self._handle).st_size, self.records.place(index)
         try:
             # Known before it is in the journal: Ctrl-C in the middle must not lose what is there already.
@@ -115,7 +110,7 @@ class ResultStore:
         written with the results file, and not to the journal: it follows from what is there.
         """
         named = {name: value for name, value in record.items() if name != "key"}
-        self.records.put(index, json.dumps({**named, "key": self._keys[index]}), Gist.of(record))
+        self.records.put(index, json.dumps(sealed({**named, "key": self._keys[index]})), Gist.of(record))
         self._changed = True
 
     def _locked(self) -> int:
@@ -135,25 +130,45 @@ class ResultStore:
         for index, key in enumerate(self._keys):
             places.setdefault(key, []).append(index)
         others: dict[str, str] = {}
+        changed: list[str] = []
         shared = False
-        for frame, text in chain(result_lines(self._path), journal_lines(self._journal)):
-            if not frame["verdict"] or "error" in frame:
+        for frame, text, sound in self._stored():
+            if not sound:
+                changed.append(text)
+            elif not frame["verdict"] or "error" in frame:
                 continue
-            if frame["key"] not in places:
+            elif frame["key"] not in places:
                 others[frame["key"]] = text
-                continue
-            shared = shared or OWN in frame
-            own = own_record(frame) if OWN in frame else frame
-            for index in places[frame["key"]]:
-                self.records.put(index, json.dumps(own) if OWN in frame else text, Gist.of(own))
-        if others:
+            else:
+                shared = shared or OWN in frame
+                own = sealed(own_record(frame)) if OWN in frame else frame
+                for index in places[frame["key"]]:
+                    self.records.put(index, json.dumps(own) if OWN in frame else text, Gist.of(own))
+        if changed:
+            log.warning("%d results in '%s' were changed after they were written, and are made again", len(changed), self._path)
+        if others or changed:
             old = self._path.with_name(f"{self._path.name}.old")
-            _save(old, HEAD, [*others.values(), *self._texts()])
-            log.warning("%d results of other photos or options in '%s' are kept in '%s'", len(others), self._path, old)
-        self._changed = os.fstat(self._handle).st_size > 0
+            _save(old, HEAD, [*others.values(), *changed, *self._texts()])
+            log.warning(
+                "%d results of other photos or options in '%s' are kept in '%s'", len(others) + len(changed), self._path, old
+            )
+        self._changed = self._changed or bool(changed) or os.fstat(self._handle).st_size > 0
         self._compact()
         # Until it is known what is shared now, the results of the earlier run stay as they are.
         self._changed = shared or self._head != HEAD
+
+    def _stored(self) -> Iterator[tuple[Record, str, bool]]:
+        """What the results file and then the journal hold, see StoredRecords. Raises ResultsError."""
+        files = [(self._path, is_head, "results file")] if self._path.exists() else []
+        for path, begins, what in (*files, (self._journal, is_journal_head, "journal")):
+            stored = StoredRecords(path, begins)
+            try:
+                yield from stored
+            except ValueError:
+                raise ResultsError(f"'{path}' exists and is no {what} of a batch; give another --out.") from None
+            if stored.words:
+                log.warning("%s", stored.words)
+                self._changed = True  # what is damaged is written anew
 
     def _texts(self) -> Iterator[str]:
         return (self.records.text(index) for index in sorted(self.records))
@@ -176,101 +191,6 @@ class ResultStore:
         if empty and os.name == "nt":
             with contextlib.suppress(OSError):  # another batch has it open already
                 self._journal.unlink(missing_ok=True)
-
-
-def heads(shard: Record | None) -> tuple[str, str]:
-    """The first lines of the results file and of its journal; `shard` is what the results of a shard say of themselves."""
-    if shard is None:
-        return HEAD, JOURNAL_HEAD
-    said = json.dumps(shard)
-    return f'{{"shard": {said}, {HEAD[1:]}', f'{JOURNAL_HEAD[:-2]}, "shard": {said}}}\n'
-
-
-def is_head(line: str) -> bool:
-    """Whether `line` begins a results file as we write it."""
-    return line == HEAD or (line.startswith('{"shard": ') and line.endswith(HEAD[1:]))
-
-
-def result_lines(path: Path) -> Iterator[Line]:
-    """The records of a results file, of one cut short the whole ones; none where there is no file. Raises ResultsError."""
-    try:
-        if path.exists():
-            yield from _checked(_frames(path))
-    except (ValueError, KeyError, TypeError):
-        raise ResultsError(f"'{path}' exists and is no results file of a batch; give another --out.") from None
-
-
-def journal_lines(path: Path) -> Iterator[Line]:
-    """The whole records of a journal, which a killed run left or a run is writing. Raises ResultsError."""
-    try:
-        with path.open(encoding="utf-8", errors="replace") as lines:
-            head = lines.readline()
-            # A run may be killed while it writes even that.
-            if not JOURNAL_HEAD.startswith(head) and not head.startswith(f"{JOURNAL_HEAD[:-2]},"):
-                raise ValueError
-            yield from _checked(_whole_lines(lines, path))
-    except (ValueError, KeyError, TypeError):
-        raise ResultsError(f"'{path}' exists and is no journal of a batch; give another --out.") from None
-
-
-def _frames(path: Path) -> Iterator[Line]:
-    """The records of a results file, of one cut short (a full disk, a broken copy) those that are whole.
-
-    Raises ValueError, KeyError or TypeError when the file is something else.
-    """
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        ours = is_head(lines.readline())
-        if ours and _is_lined(lines):
-            lines.seek(0)
-            lines.readline()
-            yield from _whole_lines(lines, path)
-            return
-        lines.seek(0)
-        try:
-            frames = json.loads(lines.read())["frames"]  # written by another program, perhaps with line breaks of its own
-            yield from ((frame, json.dumps(frame)) for frame in frames)
-        except json.JSONDecodeError:
-            if not ours:
-                raise
-            lines.seek(0)
-            lines.readline()
-            yield from _whole_lines(lines, path)
-
-
-def _is_lined(lines: Iterable[str]) -> bool:
-    """Whether what follows has the form in which we write it, without looking into the records."""
-    last = ""
-    for line in lines:
-        if last and not (last.startswith("{") and last.endswith("},\n" if line != END else "}\n")):
-            return False
-        last = line
-    return last == END
-
-
-def _whole_lines(lines: Iterable[str], path: Path) -> Iterator[Line]:
-    """The records of lines, one each; says how many of `path` are none."""
-    damaged, cut = 0, False
-    for line in lines:
-        text = line.strip().removesuffix(",")
-        if text and line != END:
-            try:
-                record = json.loads(text)
-            except json.JSONDecodeError:
-                damaged, cut = damaged + 1, not line.endswith("\n")
-                continue
-            yield record, text
-    if damaged == 1 and cut:
-        log.warning("The last line of '%s' was cut short; its photo is done again", path)
-    elif damaged:
-        be, have = ("is", "its photo is") if damaged == 1 else ("are", "their photos are")
-        log.warning("%s of '%s' %s damaged; %s done again", counted(damaged, "line"), path, be, have)
-
-
-def _checked(frames: Iterable[Line]) -> Iterator[Line]:
-    """`frames`, as long as they are records. Raises KeyError or TypeError."""
-    for frame, text in frames:
-        _ = {frame["key"]: frame["verdict"]}
-        yield frame, text
 
 
 def _save(path: Path, head: str, texts: Iterable[str]) -> None:

@@ -13,6 +13,7 @@ import pytest
 from core.batch import store as store_module
 from core.batch.keys import key_of
 from core.batch.store import ResultsError, ResultStore
+from core.support.sealed import sealed
 
 pytestmark = pytest.mark.unit
 
@@ -26,6 +27,10 @@ def record(i, **more):
         "reasons": ['Words with "quotes", {braces} and ümlauts.'],
         "t": [i, 0.1, 1],
     } | more
+
+
+def stored(i, **more):
+    return sealed(record(i, **more) | {"key": KEYS[i]})
 
 
 @pytest.fixture
@@ -77,7 +82,7 @@ def test_every_record_is_on_disk_when_put_returns(path):
             store.put(i, record(i))
             lines = journal(path).read_text().splitlines()[1:]
             assert len(lines) == done
-            assert json.loads(lines[-1]) == record(i) | {"key": KEYS[i]}
+            assert json.loads(lines[-1]) == stored(i)
     assert [f["file"] for f in frames(path)] == ["1.jpg", "3.jpg"]
 
 
@@ -92,7 +97,7 @@ def test_what_is_written_for_a_record_does_not_grow_with_their_number(path, monk
         ends = list(written)
     assert len(ends) == 200
     steps = {b - a for a, b in pairwise(ends)}
-    assert steps == {len(json.dumps(record(0) | {"key": keys[0]}).encode()) + 1}
+    assert steps == {len(json.dumps(stored(0)).encode()) + 1}
     assert len(frames(path)) == 200
 
 
@@ -262,7 +267,7 @@ def test_a_file_cut_short_anywhere_loses_only_the_record_it_was_cut_in(full):
         whole = data[head:cut].count(b"\n")
         found = resumed(full)
         assert len(found) in (whole, whole + 1), cut  # one more where only the line's end was cut off
-        assert all(r == record(i) | {"key": KEYS[i]} for i, r in found.items())
+        assert all(r == stored(i) for i, r in found.items())
 
 
 def test_a_cut_file_is_mended_by_the_next_run(full):
@@ -271,6 +276,34 @@ def test_a_cut_file_is_mended_by_the_next_run(full):
         assert len(store.records) == 3
         store.put(3, record(3))
     assert len(frames(full)) == 4
+
+
+def test_a_changed_digit_is_noticed_and_the_photo_tried_again(full, caplog):
+    full.write_text(full.read_text().replace('"t": [2, 0.1, 1]', '"t": [2, 0.3, 1]'))
+    assert sorted(resumed(full)) == [0, 1, 3]
+    assert "1 results in " in caplog.text and "were changed after they were written" in caplog.text
+    assert frames(full.with_name("results.json.old"))[0]["t"] == [2, 0.3, 1], "a hand may have changed it on purpose"
+
+
+@pytest.mark.parametrize("place", ["results", "journal"])
+def test_no_flipped_bit_gives_a_wrong_answer_or_costs_another_photo(path, place):
+    store = ResultStore(path, KEYS)
+    store.__enter__()
+    for i in range(4):
+        store.put(i, record(i))
+    if place == "results":
+        store.__exit__(None, None, None)
+    else:
+        killed(store)
+    file = path if place == "results" else journal(path)
+    data = file.read_bytes()
+    for at in range(0, len(data), 11):
+        file.write_bytes(data[:at] + bytes([data[at] ^ (1 << at % 8)]) + data[at + 1 :])
+        found = resumed(path)
+        assert len(found) >= 2 and all(one == stored(i) for i, one in found.items()), at
+        assert [one["file"] for one in frames(path)] == [f"{i}.jpg" for i in sorted(found)], "what is left is whole"
+        if place == "journal":
+            path.unlink()
 
 
 @pytest.mark.parametrize(
