@@ -19,7 +19,13 @@ from .lines import JOURNAL_HEAD, StoredRecords, is_journal_head
 from .records import Record
 from .store import ResultsError
 
-COMPARED = {"shards": "their number", "scan": "the scan", "queries": "the list of photos", "options": "the options"}
+COMPARED = {
+    "shards": "their number",
+    "scan": "the scan",
+    "queries": "the list of photos",
+    "options": "what the options say",
+    "shared_lens": "what --shared-lens says",
+}
 
 
 @dataclass(frozen=True)
@@ -65,8 +71,9 @@ def shard_head(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettin
 
 
 def own_head(shared: Record, shard: Shard, queries: Sequence[BatchQuery], keys: Sequence[str]) -> Record:
-    """`shared`, with the shard's number and its own photos; `queries` and `keys` are all of the batch."""
-    own = [[i, queries[i].camera.file, str(queries[i].photo), keys[i]] for i in shard.of(len(queries))]
+    """`shared`, with the shard's number and its own photos: their `queries` and `keys`."""
+    indices = shard.of(shared["photos"])
+    own = [[i, query.camera.file, str(query.photo), key] for i, query, key in zip(indices, queries, keys, strict=True)]
     return {"shard": shard.number, "shards": shard.count, **shared, "own": own}
 
 
@@ -86,7 +93,8 @@ class Joined:
     missing, answered twice and otherwise, or left out; `double`: how many are there twice.
     """
 
-    total: int = 0
+    total: int
+    shared_lens: str
     photos: dict[int, ShardPhoto] = field(default_factory=dict)
     records: dict[int, Record] = field(default_factory=dict)
     gaps: list[str] = field(default_factory=list)
@@ -116,7 +124,7 @@ def join(paths: Sequence[Path]) -> Joined:
         for name, words in COMPARED.items():
             if head[name] != told[0][name]:
                 raise ResultsError(f"'{files[0]}' and '{path}' are not of one batch, for {words} differs; leave one out.")
-    joined = Joined(total=told[0]["photos"])
+    joined = Joined(told[0]["photos"], told[0]["shared_lens"])
     given_by: dict[int, Path] = {}
     for path, head in zip(files, told, strict=True):
         _take(joined, path, head, given_by)
@@ -187,10 +195,8 @@ def _records(joined: Joined, path: Path) -> Iterator[Record]:
         except ValueError:
             raise ResultsError(f"'{stored.path}' holds no records of a batch; leave it out.") from None
         if stored.damaged or changed:
-            lines = counted(stored.damaged + changed, "record")
-            joined.damage.append(
-                f"{lines} in '{stored.path}' {'is' if lines.startswith('1 ') else 'are'} damaged and left out."
-            )
+            lines = counted(stored.damaged + changed, "line")
+            joined.damage.append(f"'{stored.path}' has {lines} cut short or damaged, which count for nothing.")
 
 
 def _answer(record: Record) -> dict[str, Any]:

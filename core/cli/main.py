@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from ..errors import GssmcError
-from .commands import batch, convert, demo, evaluate, features, locate, pins, proxy, refine, render, stmap, track
+from .commands import batch, convert, demo, evaluate, features, locate, merge, pins, proxy, refine, render, stmap, track
 from .commands import map as make_map
 from .console import message
 from .flags import OneLineParser
@@ -22,6 +22,7 @@ COMMANDS = {
     "locate": locate,
     "pins": pins,
     "batch": batch,
+    "merge": merge,
     "map": make_map,
     "demo": demo,
     "evaluate": evaluate,
@@ -32,7 +33,7 @@ COMMANDS = {
     "features": features,
 }
 WITHOUT_SCENE = frozenset(
-    {"evaluate", "convert", "stmap", "features", "map", "pins", "track", "proxy"}
+    {"evaluate", "convert", "stmap", "features", "map", "merge", "pins", "track", "proxy"}
 )  # a caller that saves scenes has nothing to add to them
 
 
