@@ -5,16 +5,19 @@ from pathlib import Path
 
 import pytest
 from cli_place import FAST, Place
+from solved_photos import LENS, record_of, solved_photo
 
-from core.batch.shards import Shard, find_shards, join
-from core.batch.store import ResultsError
+from core.batch.keys import BatchQuery, key_of
+from core.batch.shards import Shard, find_shards, join, own_head
+from core.batch.store import ResultsError, ResultStore
+from core.cameras.unplaced import Unplaced
 from core.cli.main import main
+from core.cli.sharing import share_lenses
 from core.errors import UsageError
 from core.support.sealed import sealed
 
 pytestmark = pytest.mark.process
 COUNT = 2
-QUICK = FAST
 
 
 @pytest.fixture(scope="module")
@@ -25,15 +28,14 @@ def place(tmp_path_factory):
 
 
 def _frames(found):
-    """Four photos, one of which is nowhere; their focal length is a guess, so that they share a lens."""
-    text = found.json(found.folder / "starts.json", found.truths, focal_guessed=True)
-    frames = json.loads(Path(text).read_text())["frames"]
-    return [*frames[:2], {**frames[0], "file": "nowhere.png"}, frames[2]]
+    """Three photos, one of which is nowhere."""
+    frames = json.loads(Path(found.json(found.folder / "starts.json", found.starts)).read_text())["frames"]
+    return [frames[0], {**frames[0], "file": "nowhere.png"}, frames[1]]
 
 
 def batch(place, out, *more):
     argv = ["batch", str(place.scene), str(place.folder / "queries.json"), "--out", str(out), "--workers", "1", "--no-locate"]
-    return main([*argv, *QUICK, "--shared-lens", "one", *more])
+    return main([*argv, *FAST, *more])
 
 
 @pytest.fixture(scope="module")
@@ -56,34 +58,29 @@ def test_joined_shards_say_what_one_run_says_in_the_order_of_the_queries(whole, 
     assert main(["merge", "--out", str(whole / "all.json"), "--poses", str(whole / "all.txt")]) == 3
     captured = capsys.readouterr()
     assert timeless(whole / "all.json") == timeless(whole / "one.json")
-    assert "One lens for" in captured.out, "the lens is shared over all shards"
     assert "missing" not in captured.err
     assert "'nowhere.png' could not be used" in captured.err
-    assert len((whole / "all.txt").read_text().splitlines()) == 3
+    assert len((whole / "all.txt").read_text().splitlines()) == 2
 
 
 def test_a_batch_goes_on_from_joined_shards(place, whole, tmp_path, capsys):
     out = tmp_path / "part.json"
     assert main(["merge", str(whole / "all.shard-1-of-2.json"), "--out", str(out)]) == 3
     said = capsys.readouterr().err
-    assert "2 of 4 photos are missing: shard 2 of 2 (2), of which there is no file." in said
+    assert "1 of 3 photos is missing: shard 2 of 2 (1), of which there is no file." in said
     batch(place, out)
-    assert "1 of 4 photos was finished before and is kept." in capsys.readouterr().err  # the other cannot be used
+    assert "2 of 3 photos were finished before and are kept." in capsys.readouterr().err
     assert timeless(out) == timeless(whole / "one.json")
 
 
 def test_a_killed_shard_is_joined_from_its_journal_and_its_gap_is_named(whole, tmp_path, capsys):
-    shard = whole / "all.shard-2-of-2.json"
-    head, *lines = shard.read_text().splitlines(keepends=True)
-    said = json.loads(head + "]}")["shard"]
-    journal = tmp_path / "x.shard-2-of-2.json.journal"
-    journal.write_text(
-        json.dumps({"gssmc_journal": 1, "shard": said}) + "\n" + lines[0].removesuffix(",\n") + "\n" + lines[1][:50]
-    )
+    head, *lines = (whole / "all.shard-1-of-2.json").read_text().splitlines(keepends=True)
+    said = json.dumps({"gssmc_journal": 1, "shard": json.loads(head + "]}")["shard"]})
+    (tmp_path / "x.shard-1-of-2.json.journal").write_text(f"{said}\n{lines[0][:50]}\n{lines[1]}{lines[1][:50]}")
     assert main(["merge", "--out", str(tmp_path / "x.json")]) == 3
     told = capsys.readouterr().err
-    assert "cut short or damaged" in told
-    assert "shard 2 of 2 ('photo_2.png')" in told and "shard 1 of 2 (2), of which there is no file" in told
+    assert "2 lines cut short or damaged" in told
+    assert "shard 1 of 2 ('photo_0.png')" in told and "shard 2 of 2 (1), of which there is no file" in told
     assert [f["file"] for f in json.loads((tmp_path / "x.json").read_text())["frames"]] == ["photo_1.png"]
 
 
@@ -102,7 +99,7 @@ def test_the_same_photo_twice_counts_once_and_two_answers_are_named(whole, tmp_p
     first = whole / "all.shard-1-of-2.json"
     again.write_text(first.read_text())
     joined = join([first, again])
-    assert (joined.double, joined.conflicts, sorted(joined.records)) == (1, [], [0, 2])
+    assert (joined.double, joined.conflicts, sorted(joined.records)) == (2, [], [0, 2])
     head, *lines = first.read_text().splitlines(keepends=True)
     record = json.loads(lines[0].rstrip(",\n"))
     other.write_text(head + json.dumps(sealed(record | {"fx": 1.0})) + "\n]}\n")
@@ -137,3 +134,24 @@ def test_shards_that_are_nowhere_and_poses_of_one_are_one_sentence(place, tmp_pa
     assert batch(place, tmp_path / "r.json", "--shard", "1/2", "--poses", str(tmp_path / "p.txt")) == 2
     assert "give --poses to merge" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lens_is_shared_by_the_photos_of_all_shards(tmp_path, capsys):
+    records = [record_of(solved_photo(seed, LENS)) for seed in range(4)]
+    keys = [key_of(k) for k in range(4)]
+    queries = [BatchQuery(Unplaced(r["file"]), tmp_path / r["file"]) for r in records]
+    with ResultStore(tmp_path / "one.json", keys) as store:
+        for k in range(4):
+            store.put(k, records[k])
+        share_lenses("one", queries, store)
+    common = {"photos": 4, "scan": "s", "queries": "q", "options": "o", "shared_lens": "one"}
+    for shard in (Shard(1, 2), Shard(2, 2)):
+        own = list(shard.of(4))
+        head = own_head(common, shard, [queries[k] for k in own], [keys[k] for k in own])
+        with ResultStore(shard.file(tmp_path / "all.json"), [keys[k] for k in own], head) as store:
+            for place, k in reversed(list(enumerate(own))):
+                store.put(place, records[k])
+    capsys.readouterr()
+    assert main(["merge", "--out", str(tmp_path / "all.json")]) == 0
+    assert "One lens for 4 photos" in capsys.readouterr().out
+    assert (tmp_path / "all.json").read_bytes() == (tmp_path / "one.json").read_bytes()
