@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ..batch.executors import Executor
 from ..batch.find_one import joined
 from ..batch.keys import BatchQuery, Refused
 from ..batch.records import LATER, TO_FIND, UNUSABLE
@@ -17,7 +19,6 @@ from ..geometry.camera import Camera
 from ..locate import write_map
 from ..pose.report_json import error_to_dict
 from ..pose.settings import RefineSettings
-from ..processes.pool import Pool
 from ..splats import read_splats
 from ..support.scratch import ScratchFolder
 from ..support.words import counted
@@ -28,15 +29,16 @@ from .progress import ProgressBar
 
 @dataclass(frozen=True)
 class Rounds:
-    """The work of a batch on the scan `scene`, over so many processes. `flags` None: photos are not searched for;
-    `axes`: the world of the starts.
+    """The work of a batch on the scan `scene`. `flags` None: photos are not searched for; `axes`: the world of the starts;
+    `shared`: a name for a file that all workers can read, wherever they are.
     """
 
     scene: Path
-    workers: int
+    executor: Executor
     settings: RefineSettings
     flags: MapFlags | None
     axes: Axes = "auto"
+    shared: Path | None = None
 
     def run(self, queries: Sequence[BatchQuery], store: ResultStore) -> None:
         """Puts a record of each query into the store that has none yet."""
@@ -48,7 +50,7 @@ class Rounds:
         said = _Said()
         if from_start:
             work = _Round(queries, store, mark=self.flags is not None)
-            work.run(first, self.workers, from_start, said)
+            work.run(first, self.executor, from_start, said)
         to_find = [i for i in range(len(queries)) if (gist := store.records.gist(i)) is None or gist.ending == LATER]
         if to_find and self.flags is not None:
             self._find(self.flags, first, to_find, _Round(queries, store), said)
@@ -60,11 +62,24 @@ class Rounds:
         cache = flags.cache(read_splats(self.scene))
         made = whole_map(cache)
         del cache  # and the scan with it, which each of the workers is about to hold
+        with self._map_file() as file:
+            write_map(file, made)
+            work.run({**first, "map": str(file), "key": made.key}, self.executor, to_find, said)
+
+    @contextmanager
+    def _map_file(self) -> Iterator[Path]:
+        """A name for the map's file, which vanishes afterwards: among this machine's temporary files, or where other machines'
+        workers read it too.
+        """
+        if self.executor.is_remote and self.shared is not None:
+            try:
+                yield self.shared
+            finally:
+                self.shared.unlink(missing_ok=True)
+            return
         folder = ScratchFolder()
         try:
-            file = folder.path / "map"
-            write_map(file, made)
-            work.run({**first, "map": str(file), "key": made.key}, self.workers, to_find, said)
+            yield folder.path / "map"
         finally:
             folder.remove()
 
@@ -84,10 +99,10 @@ class _Round:
     store: ResultStore
     mark: bool = False
 
-    def run(self, first: dict[str, Any], workers: int, indices: Sequence[int], said: _Said) -> None:
+    def run(self, first: dict[str, Any], executor: Executor, indices: Sequence[int], said: _Said) -> None:
         jobs = [(i, self._job(self.queries[i])) for i in indices]
         label = "Finding" if "map" in first else "Refining"
-        with Pool(first, workers) as pool, ProgressBar(label) as bar:
+        with executor.pool(first) as pool, ProgressBar(label) as bar:
 
             def started(left_out: int) -> None:
                 said.dropped = left_out

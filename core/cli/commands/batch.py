@@ -11,6 +11,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...batch.executors import EXECUTORS, Executor
 from ...batch.keys import BatchQuery, query_keys
 from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
@@ -24,6 +25,7 @@ from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
 from ...pose.settings import RefineSettings
 from ...splats import check_splat_file
+from ...support.atomic import part_of
 from ...support.words import counted
 from ..console import message
 from ..endings import say_endings, write_poses
@@ -34,6 +36,10 @@ from ..paths import check_outputs
 from ..rounds import Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
 
+EXECUTOR_HELP = (
+    "local: processes of this machine, dask: the workers of a Dask cluster, which read scan and photos by the same paths "
+    f"({EXECUTORS[0]})"
+)
 SHARD_HELP = (
     "only every N-th photo, from the I-th on, into RESULTS.shard-I-of-N.json; N machines do all of them, and merge joins the "
     "files"
@@ -54,6 +60,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     workers = os.cpu_count() or 1
     workers_help = f"processes, each holds the scan ({workers})"
     parser.add_argument("--workers", type=whole_number, default=workers, metavar="N", help=workers_help)
+    parser.add_argument("--executor", choices=EXECUTORS, default=EXECUTORS[0], help=EXECUTOR_HELP)
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://host:8786 (one is started here)"
+    )
     parser.add_argument("--shared-lens", choices=SHARING, default="auto", help=SHARED_LENS_HELP)
     parser.add_argument("--shard", type=Shard.parse, metavar="I/N", help=SHARD_HELP)
     add_axes_flag(parser)
@@ -70,11 +80,12 @@ def run(args: argparse.Namespace) -> Outcome:
         message(sentence)
     masks = _mask_files(args.mask, found.photos)
     queries = [BatchQuery(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
-    _check(args)
+    executor = _executor(args)
     if args.shard is not None:
         args.out = args.shard.file(args.out)
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
+    rounds = Rounds(args.scene, executor, settings, flags if args.locate else None, args.axes, part_of(args.out))
     queries, store = _store(args, queries, settings, _word(args, flags))
     try:
         with store:
@@ -82,7 +93,7 @@ def run(args: argparse.Namespace) -> Outcome:
             if kept:
                 be = "was finished before and is" if kept == 1 else "were finished before and are"
                 message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
-            Rounds(args.scene, args.workers, settings, flags if args.locate else None, args.axes).run(queries, store)
+            rounds.run(queries, store)
             if args.shard is None:
                 share_lenses(args.shared_lens, queries, store)
     except KeyboardInterrupt:
@@ -92,12 +103,15 @@ def run(args: argparse.Namespace) -> Outcome:
     return _outcome(args, say_endings(store.records, args.out), queries, store.records)
 
 
-def _check(args: argparse.Namespace) -> None:
-    """Raises UsageError."""
+def _executor(args: argparse.Namespace) -> Executor:
+    """Where the photos are done. Raises UsageError, also where the shard is asked for what it cannot give."""
     if args.workers < 1:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     if args.shard is not None and args.poses is not None:
         raise UsageError("--poses is of all photos, and --shard does some of them; give --poses to merge.")
+    executor = Executor(args.workers, args.executor, args.scheduler)
+    executor.check()
+    return executor
 
 
 def _store(
