@@ -21,7 +21,7 @@ from distributed import Client, Future, KilledWorker, LocalCluster
 
 from ..errors import RefineError
 from ..processes.pool import Lost, Task
-from .dask_worker import ScanPlugin, answer, forget
+from .dask_worker import ScanPlugin, answer, dask_setup, forget
 from .versions import versions
 
 log = logging.getLogger(__name__)
@@ -78,6 +78,7 @@ class DaskPool:
                 self._cluster = LocalCluster(
                     n_workers=self._count,
                     threads_per_worker=1,
+                    preload=[dask_setup.__module__],
                     memory_limit=0,
                     dashboard_address=None,
                     silence_logs=logging.CRITICAL,

@@ -7,6 +7,7 @@ when no photo has come for IDLE_S, because the batch may have been killed.
 
 from __future__ import annotations
 
+import signal
 import threading
 from typing import Any
 
@@ -113,6 +114,13 @@ def answer(plugin: ScanPlugin, task: Record) -> Record:
         plugin.setup(worker)
     held: ScanPlugin = worker.plugins.setdefault(plugin.name, plugin)
     return held.answer(task)
+
+
+def dask_setup(worker: Worker) -> None:
+    """Dask calls it in the workers that are started on this machine: Ctrl-C reaches the whole group of processes, and it is
+    left to the batch to end them.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 async def forget(name: str, dask_worker: Worker) -> None:
