@@ -13,6 +13,7 @@ from .console import message, say
 from .outcome import FAILED_VERDICT, OK, has_camera
 
 ENDINGS = ("trusted", "check", "failed", UNUSABLE)
+EXIT_ZERO_HELP = "exit code 0 also when photos failed, for farms that take any other for a machine's failure"
 LISTED = 10  # photos that are named when a batch ends
 
 

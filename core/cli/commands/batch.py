@@ -28,10 +28,10 @@ from ...splats import check_splat_file
 from ...support.atomic import part_of
 from ...support.words import counted
 from ..console import message
-from ..endings import say_endings, write_poses
+from ..endings import EXIT_ZERO_HELP, say_endings, write_poses
 from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
-from ..outcome import INTERRUPTED, Outcome, has_camera, shown
+from ..outcome import INTERRUPTED, OK, Outcome, has_camera, shown
 from ..paths import check_outputs
 from ..rounds import Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
@@ -66,6 +66,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.add_argument("--shared-lens", choices=SHARING, default="auto", help=SHARED_LENS_HELP)
     parser.add_argument("--shard", type=Shard.parse, metavar="I/N", help=SHARD_HELP)
+    parser.add_argument("--exit-zero", action="store_true", help=EXIT_ZERO_HELP)
     add_axes_flag(parser)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser, skip=("threads",))
@@ -100,7 +101,8 @@ def run(args: argparse.Namespace) -> Outcome:
         done = f"{_finished(store)} of {counted(len(queries), 'photo')}"
         message(f"Interrupted; {done} finished, in '{args.out}'. The same command goes on with the others.")
         return Outcome(INTERRUPTED)
-    return _outcome(args, say_endings(store.records, args.out), queries, store.records)
+    code = say_endings(store.records, args.out)
+    return _outcome(args, OK if args.exit_zero else code, queries, store.records)
 
 
 def _executor(args: argparse.Namespace) -> Executor:

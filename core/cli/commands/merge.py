@@ -12,8 +12,8 @@ from ...cameras.unplaced import Unplaced
 from ...errors import UsageError
 from ...support.words import counted
 from ..console import message
-from ..endings import say_endings, write_poses
-from ..outcome import FAILED_VERDICT, Outcome
+from ..endings import EXIT_ZERO_HELP, say_endings, write_poses
+from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
 from ..sharing import share_lenses
 
@@ -26,6 +26,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("shards", type=Path, nargs="*", metavar="SHARD.json", help=shards)
     parser.add_argument("--out", type=Path, required=True, metavar="RESULTS.json", help="as the shards' --out was")
     parser.add_argument("--poses", type=Path, metavar="OUT.txt", help="also write lines of name qw qx qy qz tx ty tz")
+    parser.add_argument("--exit-zero", action="store_true", help=EXIT_ZERO_HELP)
     return parser
 
 
@@ -49,7 +50,7 @@ def run(args: argparse.Namespace) -> Outcome:
         be = "is" if joined.missing == 1 else "are"
         message(f"{joined.missing} of {counted(joined.total, 'photo')} {be} missing: {'; '.join(joined.gaps)}.")
         code = FAILED_VERDICT
-    return Outcome(code)
+    return Outcome(OK if args.exit_zero else code)
 
 
 def _written(args: argparse.Namespace, joined: Joined) -> ResultStore:

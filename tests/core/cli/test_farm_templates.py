@@ -1,0 +1,138 @@
+"""The templates of examples/farm: each is what its scheduler takes, and the commands that it makes do a batch in shards."""
+
+import importlib.util
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli_place import Place
+
+from core.cli.main import build_parser
+
+pytestmark = pytest.mark.process
+REPO = Path(__file__).parents[3]
+FARM = REPO / "examples" / "farm"
+ENGINE = f"{shlex.quote(sys.executable)} -m core"
+# What Flamenco gives a job type: https://flamenco.blender.org/usage/job-types/
+FLAMENCO = """
+const author = {
+    Task: (name, type) => ({ name, type, commands: [], needs: [],
+        addCommand(command) { this.commands.push(command); }, addDependency(task) { this.needs.push(task.name); } }),
+    Command: (name, parameters) => ({ name, parameters }),
+};
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A scan, and queries whose photos are nowhere, so that each costs its worker's start alone."""
+    found = Place(tmp_path_factory.mktemp("farm"), photos=1, gaussians=500)
+    frame = json.loads(Path(found.json(found.folder / "one.json", found.starts)).read_text())
+    frames = [{**frame, "file": f"{k}.jpg"} for k in range(3)]
+    (found.folder / "queries.json").write_text(json.dumps({"frames": frames}))
+    return found
+
+
+def results(path):
+    return [frame["file"] for frame in json.loads(path.read_text())["frames"]]
+
+
+def flamenco(**settings):
+    """The tasks that the job type makes, in their order; or the error's text."""
+    kept = {
+        "scan": "s p.ply",
+        "queries": "q.json",
+        "results": "r.json",
+        "shards": 3,
+        "processes": 0,
+        "find": True,
+        "options": "",
+    }
+    job = f"""
+    const made = [];
+    try {{ compileJob({{ settings: {json.dumps(kept | settings)}, addTask: (task) => made.push(task) }}); }}
+    catch (error) {{ made.push(error.message); }}
+    console.log(JSON.stringify({{ keys: JOB_TYPE.settings.map((one) => one.key), made }}));
+    """
+    script = FLAMENCO + (FARM / "gssmc-batch.js").read_text(encoding="utf-8") + job
+    done = subprocess.run(["node", "-e", script], capture_output=True, text=True, check=True)
+    told = json.loads(done.stdout)
+    assert told["keys"] == list(kept)
+    return told["made"]
+
+
+needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="no node, which runs the Flamenco job type")
+
+
+@needs_node
+def test_the_flamenco_job_makes_commands_that_the_engine_takes():
+    tasks = flamenco(options=" --lens  focal --preset 7scenes", processes=2)
+    assert [task["name"] for task in tasks] == ["map", "shard-1", "shard-2", "shard-3", "merge"]
+    assert [task["needs"] for task in tasks] == [[], ["map"], ["map"], ["map"], ["shard-1", "shard-2", "shard-3"]]
+    calls = [command["parameters"] for task in tasks for command in task["commands"]]
+    assert all(command["name"] == "exec" for task in tasks for command in task["commands"])
+    assert all(call["exe"] == "{blender}" and call["args"][:2] == ["--command", "gssmc"] for call in calls)
+    parsed = [build_parser().parse_args(call["args"][2:]) for call in calls]
+    assert [args.command for args in parsed] == ["map", "batch", "batch", "batch", "merge"]
+    for number, args in enumerate(parsed[1:4], 1):
+        assert (args.shard.number, args.shard.count, args.exit_zero, args.workers) == (number, 3, True, 2)
+        assert (str(args.scene), str(args.queries), str(args.out)) == ("s p.ply", "q.json", "r.json")
+        assert (args.lens, args.preset, args.locate) == ("focal", "7scenes", True)
+    assert str(parsed[4].out) == "r.json"
+
+
+@needs_node
+def test_the_flamenco_job_makes_no_map_that_nobody_needs_and_refuses_no_shards():
+    tasks = flamenco(find=False, shards=1)
+    assert [task["name"] for task in tasks] == ["shard-1", "merge"]
+    assert build_parser().parse_args(tasks[0]["commands"][0]["parameters"]["args"][2:]).locate is False
+    assert "give into how many tasks" in flamenco(shards=0)[0]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell script")
+def test_the_slurm_array_does_a_batch_in_shards(place, tmp_path):
+    script = FARM / "slurm.sh"
+    assert subprocess.run(["bash", "-n", script], check=False).returncode == 0
+    files = {"SCAN": str(place.scene), "QUERIES": str(place.folder / "queries.json"), "RESULTS": str(tmp_path / "r.json")}
+    environment = {**os.environ, **files, "SHARDS": "2", "GSSMC": ENGINE, "PYTHONPATH": str(REPO)}
+    lacking = subprocess.run(["bash", script], env=environment, capture_output=True, text=True, check=False)
+    assert lacking.returncode != 0 and "sbatch --array=1-2" in lacking.stderr
+    for task in ("1", "2"):
+        one = {**environment, "SLURM_ARRAY_TASK_ID": task, "SLURM_CPUS_PER_TASK": "1"}
+        subprocess.run(["bash", script, "--no-locate"], env=one, check=True, capture_output=True)
+    subprocess.run([*shlex.split(ENGINE), "merge", "--out", files["RESULTS"], "--exit-zero"], env=environment, check=True)
+    assert results(tmp_path / "r.json") == ["0.jpg", "1.jpg", "2.jpg"]
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("openjd.cli") is None if importlib.util.find_spec("openjd") else True, reason="no openjd-cli"
+)
+def test_the_openjd_template_is_valid_and_does_a_batch_in_shards(place, tmp_path):
+    template = FARM / "openjd.yaml"
+    openjd = [sys.executable, "-m", "openjd"]
+    checked = subprocess.run([*openjd, "check", template], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stdout
+    given = {
+        "Scan": place.scene,
+        "Photos": place.folder,
+        "ResultsFolder": tmp_path,
+        "Shards": 2,
+        "Find": "no",
+        "Program": ENGINE,
+    }
+    parameters = [word for name, value in given.items() for word in ("-p", f"{name}={value}")]
+    environment = {**os.environ, "PYTHONPATH": str(REPO)}
+    done = subprocess.run(
+        [*openjd, "run", template, *parameters, "-p", "Options=--workers 1"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert done.returncode == 0, done.stdout[-3000:]
+    assert results(tmp_path / "results.json") == ["0.jpg", "1.jpg", "2.jpg"]
