@@ -109,30 +109,30 @@ def test_the_slurm_array_does_a_batch_in_shards(place, tmp_path):
     assert results(tmp_path / "r.json") == ["0.jpg", "1.jpg", "2.jpg"]
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("openjd.cli") is None if importlib.util.find_spec("openjd") else True, reason="no openjd-cli"
-)
-def test_the_openjd_template_is_valid_and_does_a_batch_in_shards(place, tmp_path):
-    template = FARM / "openjd.yaml"
+def has_openjd():
+    try:
+        return importlib.util.find_spec("openjd.cli") is not None
+    except ModuleNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(not has_openjd(), reason="openjd-cli, which checks the template, is not installed")
+def test_the_openjd_template_is_valid_and_makes_commands_that_the_engine_takes(tmp_path):
+    template, said = FARM / "openjd.yaml", tmp_path / "calls.jsonl"
     openjd = [sys.executable, "-m", "openjd"]
     checked = subprocess.run([*openjd, "check", template], capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout
-    given = {
-        "Scan": place.scene,
-        "Photos": place.folder,
-        "ResultsFolder": tmp_path,
-        "Shards": 2,
-        "Find": "no",
-        "Program": ENGINE,
-    }
-    parameters = [word for name, value in given.items() for word in ("-p", f"{name}={value}")]
-    environment = {**os.environ, "PYTHONPATH": str(REPO)}
-    done = subprocess.run(
-        [*openjd, "run", template, *parameters, "-p", "Options=--workers 1"],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
+    recorder = tmp_path / "recorder.py"
+    recorder.write_text(f"import json, sys; open({str(said)!r}, 'a').write(json.dumps(sys.argv[1:]) + chr(10))")
+    program = f"{shlex.quote(sys.executable)} {shlex.quote(str(recorder))}"
+    given = {"Scan": tmp_path / "s p.ply", "Photos": tmp_path / "photos", "ResultsFolder": tmp_path, "Program": program}
+    more = {"Shards": 3, "Options": "--lens focal --preset 7scenes"}
+    parameters = [word for name, value in (given | more).items() for word in ("-p", f"{name}={value}")]
+    done = subprocess.run([*openjd, "run", template, *parameters], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:]
-    assert results(tmp_path / "results.json") == ["0.jpg", "1.jpg", "2.jpg"]
+    parsed = [build_parser().parse_args(json.loads(line)) for line in said.read_text().splitlines()]
+    assert [args.command for args in parsed] == ["map", "batch", "batch", "batch", "merge"]
+    for number, args in enumerate(parsed[1:4], 1):
+        assert (args.shard.number, args.shard.count, args.exit_zero, args.lens) == (number, 3, True, "focal")
+        assert (args.scene, args.queries) == (tmp_path / "s p.ply", tmp_path / "photos" / "queries.json")
+        assert args.out == parsed[4].out == tmp_path / "results.json"
