@@ -20,7 +20,7 @@ from typing import Any
 from ..errors import GssmcError
 from ..pose.shared_records import OWN, own_record
 from ..support.atomic import atomic_write, remove_parts, sync_folder
-from ..support.lock import open_locked
+from ..support.lock import is_at, open_locked
 from ..support.sealed import is_sound, sealed
 
 log = logging.getLogger(__name__)
@@ -29,6 +29,7 @@ Record = dict[str, Any]
 
 HEAD = '{"frames": [\n'  # a record per line follows, so that a file cut short still gives up its whole lines
 JOURNAL_HEAD = '{"gssmc_journal": 1}\n'
+MOVED = "its folder was moved or taken away meanwhile, and what is finished stays in its journal there"
 NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, errno.ENOSYS})
 
 
@@ -170,6 +171,9 @@ class ResultStore:
         """Writes the results file from all records, and only then empties the journal."""
         if not self._changed:
             return
+        if not is_at(self._handle, self._journal):
+            # Written anew, the folder would hide what is in the right one, or be hidden by it when that comes back.
+            raise FileNotFoundError(errno.ENOENT, MOVED, str(self._path))
         _save(self._path, [self._texts[index] for index in sorted(self._texts)])
         sync_folder(self._path.parent)
         os.ftruncate(self._handle, 0)

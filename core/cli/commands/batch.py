@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...batch.keys import BatchQuery, query_keys
+from ...batch.keys import BatchQuery, query_keys, scan_file_digest
 from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
 from ...batch.store import ResultStore
@@ -74,6 +74,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise UsageError(f"--workers is {args.workers}; give at least 1.")
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
+    digest = scan_file_digest(args.scene)
     store = ResultStore(args.out, query_keys(args.scene, queries, settings, _word(args, flags)))
     try:
         with store:
@@ -81,7 +82,8 @@ def run(args: argparse.Namespace) -> Outcome:
             if kept:
                 be = "was finished before and is" if kept == 1 else "were finished before and are"
                 message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
-            Rounds(args.scene, args.workers, settings, flags if args.locate else None, args.axes).run(queries, store)
+            searching = flags if args.locate else None
+            Rounds(args.scene, args.workers, settings, searching, digest, args.axes).run(queries, store)
             share_lenses(args.shared_lens, queries, store)
     except KeyboardInterrupt:
         done = f"{_finished(store)} of {counted(len(queries), 'photo')}"
