@@ -151,11 +151,12 @@ def main() -> int:
         else:
             if options.only in (None, "stored") and options.command is None:
                 campaign.stored()
-            for kind, counts in PLAN.items():
-                for command, count in zip(COMMANDS, counts, strict=True):
-                    if options.only in (None, kind) and options.command in (None, command):
-                        for number in range(round(options.scale * count)):
-                            campaign.trial(kind, command, number)
+            counted = [(kind, command, n) for kind, of in PLAN.items() for command, n in zip(COMMANDS, of, strict=True)]
+            chosen = [(kind, command, round(options.scale * count)) for kind, command, count in counted]
+            for number in range(max(count for _, _, count in chosen)):
+                for kind, command, count in chosen:
+                    if number < count and options.only in (None, kind) and options.command in (None, command):
+                        campaign.trial(kind, command, number)
         print("\n".join(table(list(campaign.done.values()))))
         return 1 if any(one["broken"] for one in campaign.done.values()) else 0
 

@@ -1,4 +1,4 @@
-"""What may happen to a command. Each fault starts it, hurts it, and lets `Faulted.again` judge what the next run makes of it."""
+"""What may happen to a command. Each fault starts it and hurts it; `Faulted.again` judges what the next run makes of that."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def _mount(*arguments: str) -> None:
 
 
 def folder_vanishes(trial: Faulted) -> None:
-    """The output's folder is gone from a random moment on, as a network's is, and comes back soon or after the end. Whatever was
-    made in its place meanwhile is hidden by it then.
+    """The output's folder is gone from a random moment on, as a network's is, and comes back soon or after the end. Whatever
+    was made in its place meanwhile is hidden by it then.
     """
     away = trial.folder / "away"
     process = trial.start()

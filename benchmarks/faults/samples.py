@@ -1,4 +1,4 @@
-"""The files that a trial is about: a small room, another scan of the same size, photos with rough starts, a plate, and a map."""
+"""The files that a trial is about: a small room, another scan of the same size, photos with starts, a plate, and a map."""
 
 from __future__ import annotations
 

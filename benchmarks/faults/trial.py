@@ -86,7 +86,7 @@ class Faulted:
 
         call = [sys.executable, "-P", "-m", "core", *self.command.arguments(self.folder)]
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-        return subprocess.Popen(call, cwd=self.folder, env=environment, text=True, preexec_fn=limit, **pipes)
+        return subprocess.Popen(call, cwd=self.folder, env=environment, text=True, preexec_fn=limit, **pipes)  # noqa: PLW1509
 
     def end(self, process: subprocess.Popen[str]) -> int:
         """Waits for the command's end, and that of all of its processes; its exit code."""
@@ -115,9 +115,9 @@ class Faulted:
         found = []
         for entry in Path("/proc").iterdir():
             with contextlib.suppress(OSError):
-                if entry.name.isdigit() and mark in (entry / "environ").read_bytes() + b"\0":
-                    if (entry / "stat").read_text().rpartition(")")[2].split()[0] != "Z":
-                        found.append(int(entry.name))
+                ours = entry.name.isdigit() and mark in (entry / "environ").read_bytes() + b"\0"
+                if ours and (entry / "stat").read_text().rpartition(")")[2].split()[0] != "Z":
+                    found.append(int(entry.name))
         return found
 
     def workers(self, process: subprocess.Popen[str]) -> list[int]:

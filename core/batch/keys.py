@@ -59,9 +59,9 @@ class BatchQuery:
 
 
 def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettings, finding: str = "") -> list[str]:
-    """Per query, the digest of the scan's content, of what photo and mask were when the query was made, of the settings with the
-    model files they name, and of the start. `finding`: a word for how photos are found without a start, "" where they are not. Two equal
-    queries share a key, and then an answer. Raises SplatFormatError.
+    """Per query, the digest of the scan's content, of what photo and mask were when it was made, of the settings with the
+    model files they name, and of the start. `finding`: a word for how photos are found without a start, "" where they are not.
+    Two equal queries share a key, and then an answer. Raises SplatFormatError.
     """
     options = {name: value for name, value in asdict(settings).items() if name != "threads"}
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]

@@ -2,8 +2,9 @@
 
 A process of its own, because a damaged photo or model can end a process inside OpenCV, and that must cost one photo only.
 The first request is {"scene", "digest", "settings", "axes", "map", "key"}, answered by {"dropped": n} or {"error": sentence};
-"digest" is that of the scan which the answers will stand for (`keys.scan_file_digest`). Each request after that is {"camera", "photo", "mask"} (the last may be null), answered by the photo's record. With a "map", a file that has
-the map of that "key", photos are found without their start; without one they are refined from it. It ends when its input does.
+"digest" is that of the scan which the answers will stand for (`keys.scan_file_digest`). Each request after that is {"camera",
+"photo", "mask"} (the last may be null), answered by the photo's record. With a "map", a file that has the map of that "key",
+photos are found without their start; without one they are refined from it. It ends when its input does.
 """
 
 from __future__ import annotations
