@@ -81,6 +81,7 @@ class Faulted:
         }
 
         def limit() -> None:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)  # which a shell that starts us in the background takes away
             if limit_mb:
                 resource.setrlimit(resource.RLIMIT_AS, (limit_mb << 20, limit_mb << 20))
 
