@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 import subprocess
 import sys
 import tempfile
@@ -28,11 +29,12 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).resolve().parent)]
 
 import numpy as np
 import stored
-from commands import COMMANDS
-from kinds import KINDS, PLAN, replaced
+from commands import COMMANDS, JOBS, Tried
+from kinds import BLENDER_PLAN, KINDS, PLAN, replaced
 from samples import OTHER, SCAN, Samples, make_samples
 from trial import Faulted, Undisturbed, undisturbed
 
+TRIED: dict[str, Tried] = {**COMMANDS, **JOBS}
 STORED = 100  # damages of each file that is read in this process
 
 
@@ -52,7 +54,7 @@ class Campaign:
 
         if (command, other) not in self._known:
             prepare = exchange if other else None
-            self._known[command, other] = undisturbed(COMMANDS[command], self._folder / "known", self.samples, prepare)
+            self._known[command, other] = undisturbed(TRIED[command], self._folder / "known", self.samples, prepare)
             self.said(f"undisturbed, {command}: {self._known[command, other].seconds:.1f} s")
         return self._known[command, other]
 
@@ -60,10 +62,10 @@ class Campaign:
         if (kind, command, number) in self.done:
             return
         rng = np.random.default_rng([self._seed, zlib.crc32(f"{kind} {command}".encode()), number])
-        trial = Faulted(COMMANDS[command], self._folder / "trial", self.samples, rng, self._undisturbed(command))
+        trial = Faulted(TRIED[command], self._folder / "trial", self.samples, rng, self._undisturbed(command))
         began = time.monotonic()
         try:
-            if kind == "scan replaced":
+            if kind == "scan replaced" and command in COMMANDS:
                 replaced(trial, self._undisturbed(command, other=True))
             else:
                 KINDS[kind](trial)
@@ -71,7 +73,7 @@ class Campaign:
             trial.broken.append(f"{type(error).__name__}: {str(error)[:300]} {traceback.format_exc()[-300:]}")
         trial.remove()
         seconds = time.monotonic() - began
-        self.put(kind, command, number, trial.broken, trial.struck, COMMANDS[command].engine)
+        self.put(kind, command, number, trial.broken, trial.struck, TRIED[command].engine)
         self.said(f"{kind}, {command}, {number}: {'; '.join(trial.broken) or 'survived'} ({seconds:.0f} s)")
 
     def put(self, kind: str, command: str, number: int, broken: list[str], struck: bool, engine: str) -> None:
@@ -127,13 +129,23 @@ def table(done: list[dict]) -> Iterator[str]:
             yield f"\n{one['kind']}, {one['command']}, number {one['number']}: {broken}"
 
 
+def _install(folder: Path) -> None:
+    """The extension, built from this tree, in a fresh user's folder of Blender's."""
+    build = [sys.executable, str(ROOT / "tools" / "build_extension.py"), "--no-wheels", "--out", str(folder / "dist")]
+    subprocess.run(build, check=True, capture_output=True)
+    os.environ["BLENDER_USER_RESOURCES"] = str(folder / "blender")
+    os.environ["GSSMC_ZIP"] = str(next((folder / "dist").glob("gssmc-*.zip")))
+    script = Path(__file__).with_name("inside_blender.py")
+    subprocess.run([sys.executable, str(script), "install", str(folder)], check=True, capture_output=True)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
         "--only", choices=[*KINDS, "stored"], help="one kind of fault; stored: damaged files, read in this process"
     )
-    parser.add_argument("--command", choices=list(COMMANDS))
+    parser.add_argument("--command", choices=[*COMMANDS, *JOBS])
     parser.add_argument("--log", type=Path)
     parser.add_argument("--scale", type=float, default=1.0, help="so many times the trials of the plan")
     parser.add_argument("--table", action="store_true", help="only print the table of the log")
@@ -145,18 +157,16 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="gssmc-faults-") as folder:
         campaign = Campaign(options.seed, Path(folder), options.log)
         if options.blender:
-            import blender
-
-            blender.run(campaign, Path(folder) / "blender", options.seed)
-        else:
-            if options.only in (None, "stored") and options.command is None:
-                campaign.stored()
-            counted = [(kind, command, n) for kind, of in PLAN.items() for command, n in zip(COMMANDS, of, strict=True)]
-            chosen = [(kind, command, round(options.scale * count)) for kind, command, count in counted]
-            for number in range(max(count for _, _, count in chosen)):
-                for kind, command, count in chosen:
-                    if number < count and options.only in (None, kind) and options.command in (None, command):
-                        campaign.trial(kind, command, number)
+            _install(Path(folder))
+        elif options.only in (None, "stored") and options.command is None:
+            campaign.stored()
+        plan, tried = (BLENDER_PLAN, JOBS) if options.blender else (PLAN, COMMANDS)
+        counted = [(kind, name, n) for kind, of in plan.items() for name, n in zip(tried, of, strict=True)]
+        chosen = [(kind, command, round(options.scale * count)) for kind, command, count in counted]
+        for number in range(max(count for _, _, count in chosen)):
+            for kind, command, count in chosen:
+                if number < count and options.only in (None, kind) and options.command in (None, command):
+                    campaign.trial(kind, command, number)
         print("\n".join(table(list(campaign.done.values()))))
         return 1 if any(one["broken"] for one in campaign.done.values()) else 0
 

@@ -15,6 +15,8 @@ from damage import damage_file
 from samples import MAP, SCAN
 from trial import Faulted, Undisturbed
 
+from core.locate.cache import SUFFIX
+
 KILLED = -signal.SIGKILL
 JUMPS_S = (-1e9, -86_400.0, -3600.0, 3600.0, 86_400.0, 1e9)
 
@@ -152,7 +154,7 @@ def two_at_once(trial: Faulted) -> None:
 
 def memory_out(trial: Faulted) -> None:
     """So little address space for each process that one of them finds none at some place."""
-    code = trial.end(trial.start(limit_mb=int(trial.rng.integers(350, 1500))))
+    code = trial.end(trial.start(limit_mb=int(trial.rng.integers(*trial.command.memory_mb))))
     trial.struck = code != trial.known.code if trial.known else True
     # Python itself may not come up with so little, and says it in its own way.
     trial.broken[:] = [one for one in trial.broken if "traceback" not in one or "MemoryError" not in one]
@@ -162,13 +164,15 @@ def memory_out(trial: Faulted) -> None:
 def bytes_damaged(trial: Faulted) -> None:
     """A run is interrupted or ends, then its journal, its results or the scan's map have flipped, missing or zeroed bytes."""
     process = trial.start()
-    if trial.moment(process, trial.rng.uniform(0.5, 1.2)):
+    if not trial.command.blender and trial.moment(process, trial.rng.uniform(0.5, 1.2)):
         process.send_signal(signal.SIGINT if trial.rng.random() < 0.5 else signal.SIGKILL)
     trial.end(process)
     files = [path for path in (trial.folder / "out").iterdir() if path.is_file() and not path.name.endswith(".part")]
     map_file = trial.folder / "in" / MAP
     if map_file.exists() and (trial.command.name in ("locate", "map", "batch, finding") or not files):
         files.append(map_file)
+    if trial.command.blender:
+        files = list((trial.folder / "cache").rglob(f"*{SUFFIX}"))
     trial.struck = bool(files)
     if files:
         damage_file(files[trial.rng.integers(len(files))], trial.rng)
@@ -269,4 +273,17 @@ PLAN: dict[str, tuple[int, int, int, int, int, int]] = {
     "a picture that kills the decoder": (4, 2, 1, 1, 0, 1),
     "scan replaced": (6, 2, 1, 2, 1, 3),
     "picture replaced": (4, 1, 1, 0, 0, 2),
+}
+# Jobs inside Blender: refine, find, export.
+BLENDER_PLAN: dict[str, tuple[int, int, int]] = {
+    "a worker killed": (5, 2, 0),
+    "the command killed": (2, 2, 1),
+    "killed while writing": (0, 2, 2),
+    "disk full": (0, 0, 2),
+    "output read-only": (0, 0, 1),
+    "output folder vanishes": (0, 0, 2),
+    "clock jumps": (1, 1, 0),
+    "out of memory": (1, 1, 0),
+    "bytes damaged": (0, 4, 0),
+    "scan replaced": (2, 0, 1),
 }

@@ -85,7 +85,8 @@ class Faulted:
             if limit_mb:
                 resource.setrlimit(resource.RLIMIT_AS, (limit_mb << 20, limit_mb << 20))
 
-        call = [sys.executable, "-P", "-m", "core", *self.command.arguments(self.folder)]
+        engine = [] if self.command.blender else ["-P", "-m", "core"]
+        call = [sys.executable, *engine, *self.command.arguments(self.folder)]
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
         return subprocess.Popen(call, cwd=self.folder, env=environment, text=True, preexec_fn=limit, **pipes)  # noqa: PLW1509
 
@@ -161,7 +162,8 @@ class Faulted:
     def _left_over(self) -> None:
         expected = {self.command.out, "lost+found"}
         left = [p.name for p in (self.folder / "out").iterdir() if p.name not in expected and not p.name.endswith(KEPT_ASIDE)]
-        left += [path.name for path in (self.folder / "tmp").iterdir()]
+        # Blender has a folder for itself, which it cannot remove when it is killed.
+        left += [path.name for path in (self.folder / "tmp").iterdir() if not path.name.startswith("blender_")]
         left += [path.name for path in (self.folder / "in").iterdir() if path.name not in self.inputs]
         left += [str(path.relative_to(self.folder)) for path in (self.folder / "cache").rglob("*.part")]
         if left:
