@@ -65,7 +65,7 @@ class Campaign:
         trial = Faulted(TRIED[command], self._folder / "trial", self.samples, rng, self._undisturbed(command))
         began = time.monotonic()
         try:
-            if kind == "scan replaced" and command in COMMANDS:
+            if kind == "scan replaced" and command in COMMANDS and COMMANDS[command].stub:
                 replaced(trial, self._undisturbed(command, other=True))
             else:
                 KINDS[kind](trial)

@@ -21,9 +21,11 @@ Answers = dict[str, Any]
 
 @dataclass(frozen=True)
 class Tried:
-    """A command. `arguments` of the trial's folder; `answers` reads what the command finished from its files, `kept`
-    also those of one that was killed; `stub`: the engine is replaced by one that takes STUB_S a photo; `blender`: it is a script
-    for Python with Blender as a module; `memory_mb`: too little address space, and enough of it, for a process.
+    """A command.
+
+    `arguments` in a trial's folder; `answers` reads there what the command finished, `kept` also what one that was killed did;
+    `stub`: the engine is replaced by one that takes STUB_S a photo; `blender`: it is a script for Python with Blender as a
+    module; `memory_mb`: too little address space, and enough of it, for a process.
     """
 
     name: str

@@ -259,20 +259,20 @@ KINDS: dict[str, Callable[[Faulted], None]] = {
 }
 # How many of each, by command: batch, batch finding, batch whole, locate, map, track.
 PLAN: dict[str, tuple[int, int, int, int, int, int]] = {
-    "a worker killed": (16, 4, 2, 3, 2, 3),
-    "the command killed": (16, 4, 2, 3, 3, 4),
-    "killed while writing": (14, 3, 1, 2, 3, 3),
-    "disk full": (6, 2, 1, 2, 2, 2),
+    "a worker killed": (12, 3, 1, 2, 1, 2),
+    "the command killed": (12, 3, 1, 2, 2, 3),
+    "killed while writing": (10, 2, 0, 1, 2, 2),
+    "disk full": (5, 2, 0, 1, 1, 1),
     "output read-only": (2, 1, 0, 1, 1, 1),
-    "output folder vanishes": (6, 2, 1, 1, 0, 2),
-    "slow disk": (3, 1, 0, 0, 0, 1),
-    "clock jumps": (6, 2, 1, 1, 1, 2),
-    "two runs on one output": (5, 2, 1, 1, 1, 2),
-    "out of memory": (6, 3, 1, 2, 2, 2),
-    "bytes damaged": (8, 4, 1, 3, 3, 4),
-    "a picture that kills the decoder": (4, 2, 1, 1, 0, 1),
-    "scan replaced": (6, 2, 1, 2, 1, 3),
-    "picture replaced": (4, 1, 1, 0, 0, 2),
+    "output folder vanishes": (5, 2, 0, 1, 0, 2),
+    "slow disk": (2, 0, 0, 0, 0, 1),
+    "clock jumps": (5, 2, 0, 1, 1, 1),
+    "two runs on one output": (4, 1, 0, 1, 1, 1),
+    "out of memory": (5, 2, 0, 1, 1, 1),
+    "bytes damaged": (6, 3, 0, 2, 2, 2),
+    "a picture that kills the decoder": (3, 2, 1, 1, 0, 1),
+    "scan replaced": (5, 2, 0, 1, 1, 2),
+    "picture replaced": (3, 1, 0, 0, 0, 1),
 }
 # Jobs inside Blender: refine, find, export.
 BLENDER_PLAN: dict[str, tuple[int, int, int]] = {
