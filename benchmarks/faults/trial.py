@@ -146,8 +146,9 @@ class Faulted:
         """
         known = known or self.known
         assert known is not None
-        for path in (self.folder / "tmp").iterdir():  # a folder that was left is removed when it is older than a minute
-            os.utime(path, (time.time() - HOUR_S,) * 2)
+        # What was left is removed when nobody can be working on it any more: as if the next run came two hours later.
+        for path in [*(self.folder / "tmp").iterdir(), *self.folder.rglob("*.part")]:
+            os.utime(path, (time.time() - 2 * HOUR_S,) * 2)
         code = self.end(self.start())
         answers = self.command.answers(self.folder)
         if code != known.code or set(answers) != set(known.answers):
