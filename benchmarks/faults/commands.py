@@ -21,8 +21,11 @@ Answers = dict[str, Any]
 
 @dataclass(frozen=True)
 class Tried:
-    """A command. `arguments` of the trial's folder; `answers` reads the files of the folder that the command finished, `kept`
-    also those of one that was killed; `stub`: the engine is replaced by one that takes STUB_S a photo.
+    """A command.
+
+    `arguments` in a trial's folder; `answers` reads there what the command finished, `kept` also what one that was killed did;
+    `stub`: the engine is replaced by one that takes STUB_S a photo; `blender`: it is a script for Python with Blender as a
+    module; `memory_mb`: too little address space, and enough of it, for a process.
     """
 
     name: str
@@ -31,6 +34,8 @@ class Tried:
     answers: Callable[[Path], Answers]
     kept: Callable[[Path], Answers]
     stub: bool = False
+    blender: bool = False
+    memory_mb: tuple[int, int] = (350, 1500)
 
     @property
     def engine(self) -> str:
@@ -113,6 +118,15 @@ def _track(folder: Path) -> list[str]:
     return ["track", *files, "--start", start, "--no-locate", "--track-long-side", "240", *QUICK]
 
 
+def _blender(action: str) -> Callable[[Path], list[str]]:
+    return lambda folder: [str(Path(__file__).with_name("inside_blender.py")), action, str(folder)]
+
+
+def _exported(folder: Path) -> Answers:
+    file = folder / "out" / "s.ply"
+    return {"splats": hashlib.sha256(file.read_bytes()).hexdigest()} if file.exists() else {}
+
+
 def _nothing(folder: Path) -> Answers:
     return {}
 
@@ -126,5 +140,14 @@ COMMANDS = {
         Tried("locate", _locate, "r.json", result_answers, _nothing),
         Tried("map", _map, "", map_answers, _nothing),
         Tried("track", _track, "r.json", result_answers, _nothing),
+    )
+}
+BLENDER_MB = (1000, 4000)
+JOBS = {
+    one.name: one
+    for one in (
+        Tried("Blender: refine", _blender("refine"), "r.json", result_answers, _nothing, blender=True, memory_mb=BLENDER_MB),
+        Tried("Blender: find", _blender("find"), "r.json", result_answers, _nothing, blender=True, memory_mb=BLENDER_MB),
+        Tried("Blender: export", _blender("export"), "s.ply", _exported, _nothing, blender=True, memory_mb=BLENDER_MB),
     )
 }

@@ -1,4 +1,4 @@
-"""The files that a trial is about: a small room, another scan of the same size, photos with rough starts, a plate, and a map."""
+"""The files that a trial is about: a small room, another scan of the same size, photos with starts, a plate, and a map."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ SHOT = HandHeld(count=FRAMES, lens=LENS.resized(*SIZE))
 SCAN, OTHER, MAP = "room.ply", "other.ply", "room.ply.gssmc-map"
 STARTS, LENSES, FEW = "starts.json", "lenses.json", "few.json"
 START_FRAME = 1002
+PICTURES = "photos"  # a folder for those who take whole folders
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,9 @@ def make_samples(folder: Path) -> Samples:
         truth = replace(camera, intrinsics=camera.intrinsics.resized(*SIZE), file=name)
         cv2.imwrite(str(folder / name), make_photo(renderer, truth, number).pixels[..., ::-1])
         starts.append(camera_to_dict(perturb_camera(truth, 0.1, 2.0, number)))
+    (folder / PICTURES).mkdir()
+    for number in range(2):
+        shutil.copy2(folder / f"photo_{number}.png", folder / PICTURES)
     lenses = [{name: value for name, value in start.items() if name not in ("R", "t")} for start in starts]
     for file, records in ((STARTS, starts), (LENSES, lenses[:4]), (FEW, starts[:3])):
         (folder / file).write_text(json.dumps({"frames": records}))

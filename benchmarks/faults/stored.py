@@ -5,19 +5,23 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from commands import COMMANDS
 from damage import damaged
 from samples import MAP, SCAN, VIEWS, Samples
+from trial import Faulted
 
 from core.batch.keys import key_of
 from core.batch.store import ResultsError, ResultStore
 from core.cli.plates.several import finished
 from core.locate import LandmarkMap, MapCache, MapPlace, MapSettings
 from core.splats import read_splats
+from core.support.arrays_file import read_arrays
 from core.track import PartialTrack
 from core.track.journal import read_found, write_found
 
@@ -142,3 +146,27 @@ def run(make: Callable[[Path], tuple[Path, Read]], folder: Path, seed: int, coun
             yield read(file)
         except Exception as error:  # noqa: BLE001 - whatever goes through is what is looked for
             yield [f"{type(error).__name__}: {str(error)[:200]}"]
+
+
+def whole_track(folder: Path, samples: Samples) -> Path:
+    """TRACK.json of the samples' plate, made where it is not there yet."""
+    trial = _tracked(folder / "whole", samples, interrupt=False)
+    return trial / "out" / "r.json"
+
+
+def interrupted_track(folder: Path, samples: Samples) -> tuple[Path, str]:
+    """The journal of a track that was interrupted, with its key; made where it is not there yet."""
+    journal = _tracked(folder / "interrupted", samples, interrupt=True) / "out" / "r.json.journal"
+    return journal, json.loads(read_arrays(journal)["head"].tobytes())["key"]
+
+
+def _tracked(folder: Path, samples: Samples, interrupt: bool) -> Path:
+    if not folder.exists():
+        trial = Faulted(COMMANDS["track"], folder, samples, np.random.default_rng(0))
+        process = trial.start()
+        while interrupt and process.stderr is not None and "frame" not in process.stderr.readline().partition("Tracking")[2]:
+            pass
+        if interrupt:
+            process.send_signal(signal.SIGINT)
+        trial.end(process)
+    return folder

@@ -77,16 +77,17 @@ class Faulted:
             "TMPDIR": str(self.folder / "tmp"),
             "XDG_CACHE_HOME": str(self.folder / "cache"),
             "OPENBLAS_NUM_THREADS": "1",
-            "PYTHONDONTWRITEBYTECODE": "1",
         }
 
         def limit() -> None:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)  # which a shell that starts us in the background takes away
             if limit_mb:
                 resource.setrlimit(resource.RLIMIT_AS, (limit_mb << 20, limit_mb << 20))
 
-        call = [sys.executable, "-P", "-m", "core", *self.command.arguments(self.folder)]
+        engine = [] if self.command.blender else ["-P", "-m", "core"]
+        call = [sys.executable, *engine, *self.command.arguments(self.folder)]
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
-        return subprocess.Popen(call, cwd=self.folder, env=environment, text=True, preexec_fn=limit, **pipes)
+        return subprocess.Popen(call, cwd=self.folder, env=environment, text=True, preexec_fn=limit, **pipes)  # noqa: PLW1509
 
     def end(self, process: subprocess.Popen[str]) -> int:
         """Waits for the command's end, and that of all of its processes; its exit code."""
@@ -115,9 +116,9 @@ class Faulted:
         found = []
         for entry in Path("/proc").iterdir():
             with contextlib.suppress(OSError):
-                if entry.name.isdigit() and mark in (entry / "environ").read_bytes() + b"\0":
-                    if (entry / "stat").read_text().rpartition(")")[2].split()[0] != "Z":
-                        found.append(int(entry.name))
+                ours = entry.name.isdigit() and mark in (entry / "environ").read_bytes() + b"\0"
+                if ours and (entry / "stat").read_text().rpartition(")")[2].split()[0] != "Z":
+                    found.append(int(entry.name))
         return found
 
     def workers(self, process: subprocess.Popen[str]) -> list[int]:
@@ -145,8 +146,9 @@ class Faulted:
         """
         known = known or self.known
         assert known is not None
-        for path in (self.folder / "tmp").iterdir():  # a folder that was left is removed when it is older than a minute
-            os.utime(path, (time.time() - HOUR_S,) * 2)
+        # What was left is removed when nobody can be working on it any more: as if the next run came two hours later.
+        for path in [*(self.folder / "tmp").iterdir(), *self.folder.rglob("*.part")]:
+            os.utime(path, (time.time() - 2 * HOUR_S,) * 2)
         code = self.end(self.start())
         answers = self.command.answers(self.folder)
         if code != known.code or set(answers) != set(known.answers):
@@ -160,7 +162,8 @@ class Faulted:
     def _left_over(self) -> None:
         expected = {self.command.out, "lost+found"}
         left = [p.name for p in (self.folder / "out").iterdir() if p.name not in expected and not p.name.endswith(KEPT_ASIDE)]
-        left += [path.name for path in (self.folder / "tmp").iterdir()]
+        # Blender has a folder for itself, which it cannot remove when it is killed.
+        left += [path.name for path in (self.folder / "tmp").iterdir() if not path.name.startswith("blender_")]
         left += [path.name for path in (self.folder / "in").iterdir() if path.name not in self.inputs]
         left += [str(path.relative_to(self.folder)) for path in (self.folder / "cache").rglob("*.part")]
         if left:

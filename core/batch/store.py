@@ -22,13 +22,14 @@ from types import TracebackType
 from ..errors import GssmcError
 from ..pose.shared_records import OWN, own_record
 from ..support.atomic import atomic_write, remove_parts, sync_folder
-from ..support.lock import open_locked
+from ..support.lock import is_at, open_locked
 from ..support.sealed import sealed
 from .lines import END, HEAD, StoredRecords, heads, is_head, is_journal_head
 from .records import Gist, KeptRecords, Record, whole_write
 
 log = logging.getLogger(__name__)
 
+MOVED = "its folder was moved or taken away meanwhile, and what is finished stays in its journal there"
 SYNC_S = 0.5
 NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, errno.ENOSYS})
 
@@ -177,6 +178,9 @@ class ResultStore:
         """Writes the results file from all records, and only then empties the journal."""
         if not self._changed:
             return
+        if not is_at(self._handle, self._journal):
+            # Written anew, the folder would hide what is in the right one, or be hidden by it when that comes back.
+            raise FileNotFoundError(errno.ENOENT, MOVED, str(self._path))
         _save(self._path, self._head, self._texts())
         sync_folder(self._path.parent)
         os.ftruncate(self._handle, 0)

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..batch.executors import Executor
 from ..batch.find_one import joined
-from ..batch.keys import BatchQuery, Refused
+from ..batch.keys import BatchQuery, Refused, check_unchanged
 from ..batch.records import LATER, TO_FIND, UNUSABLE
 from ..batch.store import ResultStore
 from ..cameras.training_world import Axes
@@ -26,23 +26,28 @@ from .console import message
 from .maps import MapFlags, whole_map
 from .progress import ProgressBar
 
+CHANGED = "The photo or its mask was changed while the batch ran; run the batch again."
+
 
 @dataclass(frozen=True)
 class Rounds:
-    """The work of a batch on the scan `scene`. `flags` None: photos are not searched for; `axes`: the world of the starts;
-    `shared`: a name for a file that all workers can read, wherever they are.
+    """The work of a batch on the scan `scene`. `flags` None: photos are not searched for; `digest`: that of the scan which the
+    store's keys stand for; `axes`: the world of the starts; `shared`: a name for a file that all workers can read, wherever
+    they are.
     """
 
     scene: Path
     executor: Executor
     settings: RefineSettings
     flags: MapFlags | None
+    digest: str
     axes: Axes = "auto"
     shared: Path | None = None
 
     def run(self, queries: Sequence[BatchQuery], store: ResultStore) -> None:
         """Puts a record of each query into the store that has none yet."""
-        first = {"scene": str(self.scene.resolve()), "settings": {**asdict(self.settings), "threads": 1}, "axes": self.axes}
+        first: dict[str, Any] = {"scene": str(self.scene.resolve()), "digest": self.digest}
+        first |= {"settings": {**asdict(self.settings), "threads": 1}, "axes": self.axes}
         for i, query in enumerate(queries):
             if isinstance(query.camera, Refused):
                 store.put(i, error_to_dict(query.camera.given, query.camera.sentence))
@@ -59,7 +64,10 @@ class Rounds:
 
     def _find(self, flags: MapFlags, first: dict[str, Any], to_find: list[int], work: _Round, said: _Said) -> None:
         """Makes sure that there is a map, and hands it to all workers as a file that nobody else writes to."""
-        cache = flags.cache(read_splats(self.scene))
+        scene = read_splats(self.scene)
+        check_unchanged(self.scene, self.digest)
+        cache = flags.cache(scene)
+        del scene
         made = whole_map(cache)
         del cache  # and the scan with it, which each of the workers is about to hold
         with self._map_file() as file:
@@ -123,7 +131,13 @@ class _Round:
         return error_to_dict(camera, f"The worker process ended on this photo ({words}).")
 
     def _final(self, index: int, record: dict[str, Any]) -> dict[str, Any]:
-        """The record as it is kept: marked, or joined with the one that was."""
+        """The record as it is kept: marked, or joined with the one that was; nobody knows which photo it is of when that has
+        changed.
+        """
+        query = self.queries[index]
+        if query.is_changed:
+            assert not isinstance(query.camera, Refused), "its record is written already"
+            return error_to_dict(query.camera, CHANGED)
         if self.mark:
             failed = record["verdict"] == "failed" and "error" not in record
             return {**record, TO_FIND: True} if failed else record

@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import IO, Any
 
 PART = ".part"
+# A file that nobody has written to for so long is not being written.
+ABANDONED_S = 3600.0
 
 
 @contextmanager
@@ -62,8 +64,23 @@ def remove_parts(path: Path) -> None:
     target = Path(os.path.realpath(path))
     with contextlib.suppress(OSError):
         for part in list(target.parent.iterdir()):
-            if part.name.startswith(f".{target.name}.") and part.name.endswith(PART):
+            if _is_part(part, target):
                 part.unlink(missing_ok=True)
+
+
+def remove_old_parts(path: Path) -> None:
+    """As `remove_parts`, where others may be writing `path`: only parts much older than the file, which was just written."""
+    target = Path(os.path.realpath(path))
+    with contextlib.suppress(OSError):
+        # The file's own time, because the clock of this machine may be wrong, or another than the folder's.
+        now = target.stat().st_mtime
+        for part in list(target.parent.iterdir()):
+            if _is_part(part, target) and now - part.stat().st_mtime > ABANDONED_S:
+                part.unlink(missing_ok=True)
+
+
+def _is_part(path: Path, target: Path) -> bool:
+    return path.name.startswith(f".{target.name}.") and path.name.endswith(PART)
 
 
 def sync_folder(folder: Path) -> None:

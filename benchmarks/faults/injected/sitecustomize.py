@@ -16,7 +16,7 @@ import time
 from itertools import count
 
 ASKED = json.loads(os.environ.get("GSSMC_FAULT", "{}"))
-WORKER = any("worker" in argument for argument in sys.orig_argv)
+WORKER = any(argument.endswith(".worker") for argument in sys.orig_argv)
 
 
 def stub(seconds):

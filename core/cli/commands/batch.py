@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...batch.executors import EXECUTORS, Executor
-from ...batch.keys import BatchQuery, query_keys
+from ...batch.keys import BatchQuery, query_keys, scan_file_digest
 from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
 from ...batch.records import LATER, KeptRecords
@@ -86,7 +86,8 @@ def run(args: argparse.Namespace) -> Outcome:
         args.out = args.shard.file(args.out)
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
-    rounds = Rounds(args.scene, executor, settings, flags if args.locate else None, args.axes, part_of(args.out))
+    digest, searching = scan_file_digest(args.scene), flags if args.locate else None
+    rounds = Rounds(args.scene, executor, settings, searching, digest, args.axes, part_of(args.out))
     queries, store = _store(args, queries, settings, _word(args, flags))
     try:
         with store:

@@ -420,3 +420,19 @@ def test_a_photo_that_is_added_leaves_the_own_records_of_the_others(path):
     store.put(2, record(2))
     killed(store)
     assert {i: r["verdict"] for i, r in resumed(path).items()} == dict.fromkeys(range(3), "check")
+
+
+def test_results_whose_folder_is_taken_away_stay_in_the_journal_there(path):
+    """A network's folder that comes back would hide what was written in its place meanwhile."""
+    away = path.parent.with_name("away")
+    with (
+        pytest.raises(FileNotFoundError, match="what is finished stays in its journal there"),
+        ResultStore(path, KEYS) as store,
+    ):
+        store.put(1, record(1))
+        path.parent.rename(away)
+        store.put(2, record(2))
+    assert not path.parent.exists()
+    away.rename(path.parent)
+    assert sorted(resumed(path)) == [1, 2]
+    assert os.listdir(path.parent) == ["results.json"]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from core.support.atomic import atomic_write
+from core.support.atomic import atomic_write, remove_old_parts
 from core.support.lock import open_locked
 from core.support.scratch import GRACE_S, ScratchFolder
 
@@ -175,3 +175,15 @@ def test_folders_of_others_are_left_alone(temporary):
     ScratchFolder().remove()
     assert sorted(p.name for p in temporary.iterdir()) == sorted([alive.path.name, "gssmc-results", "gssmc-scratch-notes"])
     alive.remove()
+
+
+def test_what_a_killed_process_left_half_written_is_removed_when_it_is_old(tmp_path):
+    path = tmp_path / "r.json"
+    path.write_text("whole")
+    now = path.stat().st_mtime
+    names = {".r.json.0a1b.part": 7200, ".r.json.2c3d.part": 60, ".other.json.4e5f.part": 7200, "r.json.part": 7200}
+    for name, age in names.items():
+        (tmp_path / name).write_text("half")
+        os.utime(tmp_path / name, (now - age,) * 2)
+    remove_old_parts(path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(["r.json", *list(names)[1:]])
