@@ -51,7 +51,7 @@ class Executor:
 
     def _dask_pool(self, first: dict[str, Any]) -> AbstractContextManager[TaskPool]:
         try:
-            from .dask_pool import DaskPool
+            from .farm.dask_pool import DaskPool
         except ModuleNotFoundError as error:
             raise UsageError(
                 f"--executor dask needs the package distributed ('{error.name}' is not installed); install it with "

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...batch.executors import EXECUTORS, Executor
+from ...batch.farm.shards import Shard, own_head, shard_head
 from ...batch.keys import BatchQuery, query_keys, scan_file_digest
 from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
 from ...batch.records import LATER, KeptRecords
-from ...batch.shards import Shard, own_head, shard_head
 from ...batch.store import ResultStore
 from ...cameras.files import camera_from_dict
 from ...cameras.training_world import AXES
@@ -28,11 +28,11 @@ from ...splats import check_splat_file
 from ...support.atomic import part_of
 from ...support.words import counted
 from ..console import message
-from ..endings import EXIT_ZERO_HELP, say_endings, write_poses
 from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
 from ..outcome import INTERRUPTED, OK, Outcome, has_camera, shown
 from ..paths import check_outputs
+from ..result import EXIT_ZERO_HELP, say_endings, write_poses
 from ..rounds import Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
 
@@ -65,7 +65,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--scheduler", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://host:8786 (one is started here)"
     )
     parser.add_argument("--shared-lens", choices=SHARING, default="auto", help=SHARED_LENS_HELP)
-    parser.add_argument("--shard", type=Shard.parse, metavar="I/N", help=SHARD_HELP)
+    parser.add_argument("--shard", metavar="I/N", help=SHARD_HELP)
     parser.add_argument("--exit-zero", action="store_true", help=EXIT_ZERO_HELP)
     add_axes_flag(parser)
     add_map_flags(parser, switch=True)
@@ -82,8 +82,9 @@ def run(args: argparse.Namespace) -> Outcome:
     masks = _mask_files(args.mask, found.photos)
     queries = [BatchQuery(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
     executor = _executor(args)
-    if args.shard is not None:
-        args.out = args.shard.file(args.out)
+    shard = None if args.shard is None else Shard.parse(args.shard)
+    if shard is not None:
+        args.out = shard.file(args.out)
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
     digest, searching = scan_file_digest(args.scene), flags if args.locate else None
@@ -123,11 +124,12 @@ def _store(
     """The queries that are done here, and where their results go."""
     if args.shard is None:
         return queries, ResultStore(args.out, query_keys(args.scene, queries, settings, word))
-    own = [queries[i] for i in args.shard.of(len(queries))]
-    message(f"{str(args.shard).capitalize()}: {len(own)} of {counted(len(queries), 'photo')}.")
+    shard = Shard.parse(args.shard)
+    own = [queries[i] for i in shard.of(len(queries))]
+    message(f"{str(shard).capitalize()}: {len(own)} of {counted(len(queries), 'photo')}.")
     keys = query_keys(args.scene, own, settings, word)
     shared = {**shard_head(args.scene, queries, settings, word), "shared_lens": args.shared_lens}
-    return own, ResultStore(args.out, keys, own_head(shared, args.shard, own, keys))
+    return own, ResultStore(args.out, keys, own_head(shared, shard, own, keys))
 
 
 def _word(args: argparse.Namespace, flags: MapFlags) -> str:

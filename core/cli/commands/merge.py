@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from ...batch.farm.shards import Joined, find_shards, join
 from ...batch.keys import BatchQuery
-from ...batch.shards import Joined, find_shards, join
 from ...batch.store import ResultStore
 from ...cameras.unplaced import Unplaced
 from ...errors import UsageError
 from ...support.words import counted
 from ..console import message
-from ..endings import EXIT_ZERO_HELP, say_endings, write_poses
 from ..outcome import FAILED_VERDICT, OK, Outcome
 from ..paths import check_outputs
+from ..result import EXIT_ZERO_HELP, say_endings, write_poses
 from ..sharing import share_lenses
 
 LISTED = 10  # sentences of one kind
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> Outcome:
     for sentence in (*joined.damage, *joined.conflicts[:LISTED]):
         message(sentence)
     if len(joined.conflicts) > LISTED:
-        message(f"... and {len(joined.conflicts) - LISTED} more photos with two answers.")
+        message(f"... and {len(joined.conflicts) - LISTED} more.")
     if same := joined.double - len(joined.conflicts):
         message(f"{counted(same, 'photo')} {'is' if same == 1 else 'are'} in two shards, with the same answer.")
     store = _written(args, joined)

@@ -21,8 +21,8 @@ from core.errors import RefineError
 
 distributed = pytest.importorskip("distributed", reason="Dask is an extra: pip install distributed")
 
-from core.batch import dask_pool as module  # noqa: E402
-from core.batch import dask_worker  # noqa: E402
+from core.batch.farm import dask_pool as module  # noqa: E402
+from core.batch.farm import dask_worker  # noqa: E402
 
 pytestmark = pytest.mark.process
 REPO = Path(__file__).parents[3]

@@ -26,7 +26,7 @@ def test_dask_is_loaded_only_when_it_is_asked_for():
 
 
 def test_where_dask_is_missing_one_sentence_says_how_to_get_it(monkeypatch):
-    for name in [name for name in sys.modules if name.startswith("core.batch.dask_")]:
+    for name in [name for name in sys.modules if name.startswith("core.batch.farm.dask_")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(

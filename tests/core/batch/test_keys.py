@@ -142,7 +142,9 @@ def test_a_photo_that_is_replaced_while_it_is_worked_on_is_tried_again_by_the_ne
     query = BatchQuery(CAMERA, put(tmp_path / "photo.jpg", b"no photo"))
     put(tmp_path / "photo.jpg", b"another.", TIME_NS + 1)
     with ResultStore(tmp_path / "r.json", ["key"]) as store:
-        Rounds(tmp_path / "scan.ply", 1, RefineSettings(), None, scan_file_digest(tmp_path / "scan.ply")).run([query], store)
+        Rounds(tmp_path / "scan.ply", Executor(1), RefineSettings(), None, scan_file_digest(tmp_path / "scan.ply")).run(
+            [query], store
+        )
         assert "was changed while the batch ran; run the batch again." in store.records[0]["error"]
     with ResultStore(tmp_path / "r.json", ["key"]) as store:
         assert store.records == {}

@@ -7,8 +7,8 @@ import pytest
 from cli_place import FAST, Place
 from solved_photos import LENS, record_of, solved_photo
 
+from core.batch.farm.shards import Shard, find_shards, join, own_head
 from core.batch.keys import BatchQuery, key_of
-from core.batch.shards import Shard, find_shards, join, own_head
 from core.batch.store import ResultsError, ResultStore
 from core.cameras.unplaced import Unplaced
 from core.cli.main import main

@@ -9,15 +9,15 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..errors import UsageError
-from ..pose.settings import RefineSettings
-from ..pose.shared_records import OWN, own_record
-from ..support.sealed import SUM
-from ..support.words import counted
-from .keys import KEY_VERSION, BatchQuery, given, key_of, scan_file_digest
-from .lines import JOURNAL_HEAD, StoredRecords, is_journal_head
-from .records import Record
-from .store import ResultsError
+from ...errors import UsageError
+from ...pose.settings import RefineSettings
+from ...pose.shared_records import OWN, own_record
+from ...support.sealed import SUM
+from ...support.words import counted
+from ..keys import KEY_VERSION, BatchQuery, given, key_of, scan_file_digest
+from ..lines import JOURNAL_HEAD, StoredRecords, is_journal_head
+from ..records import Record
+from ..store import ResultsError
 
 COMPARED = {
     "shards": "their number",

@@ -13,9 +13,9 @@ from typing import Any
 
 from distributed import Worker, WorkerPlugin, get_worker
 
-from ..processes.channel import Channel, ChildEndedError
-from ..processes.child import ONE_THREAD, Child
-from ..processes.pool import START_LIMIT_S, TASK_LIMIT_S
+from ...processes.channel import Channel, ChildEndedError
+from ...processes.child import ONE_THREAD, Child
+from ...processes.pool import START_LIMIT_S, TASK_LIMIT_S
 from .versions import difference, versions
 
 IDLE_S = 300.0

@@ -19,8 +19,8 @@ from typing import Any
 
 from distributed import Client, Future, KilledWorker, LocalCluster
 
-from ..errors import RefineError
-from ..processes.pool import Lost, Task
+from ...errors import RefineError
+from ...processes.pool import Lost, Task
 from .dask_worker import ScanPlugin, answer, dask_setup, forget
 from .versions import versions
 
@@ -34,14 +34,14 @@ PATIENCE_S = 600.0
 GRACE_S = 3.0  # before a cluster of which no worker can be used is given up
 AHEAD = 2  # tasks per worker that are handed out at a time: one is done, one waits
 TRIES = 3  # of a task that fails for a reason that is not its photo's
-PACKAGE, PART = "core", "batch/dask_worker.py"  # what a worker must have
+PACKAGE, PART = "core", "batch/farm/dask_worker.py"  # what a worker must have
 
 Record = dict[str, Any]
 SUBMITTED = tuple[int, Future]
 
 
 @dataclass
-class _Progress:
+class _UnderWay:
     """Tasks by index: what is to be done, and what is under way; how often each failed, and what has ended since."""
 
     todo: deque[Task]
@@ -108,7 +108,7 @@ class DaskPool:
         """As `Pool.run`. A task whose Dask worker is lost is done by another one, a few times. Raises RefineError when no
         worker can do any, or the scheduler or its workers stay away.
         """
-        work = _Progress(deque(tasks), dict(tasks))
+        work = _UnderWay(deque(tasks), dict(tasks))
         done = 0
         while done < len(tasks):
             self._look(work)
@@ -131,7 +131,7 @@ class DaskPool:
             else:
                 work.again(index)
 
-    def _hand_out(self, work: _Progress) -> None:
+    def _hand_out(self, work: _UnderWay) -> None:
         usable = self._known - self._left_out.keys()
         while work.todo and len(work.flying) < AHEAD * len(usable):
             index, task = work.todo.popleft()
@@ -142,7 +142,7 @@ class DaskPool:
             work.flying[index] = future
             future.add_done_callback(lambda ended, index=index: self._ended.put((index, ended)))
 
-    def _result(self, work: _Progress, index: int, future: Future) -> Record:
+    def _result(self, work: _UnderWay, index: int, future: Future) -> Record:
         """What came of a task; nothing where it is to be done again."""
         try:
             found: Record = future.result(timeout=CONNECT_S)
@@ -153,10 +153,10 @@ class DaskPool:
             return {}
         except Exception as error:  # noqa: BLE001 - whatever a task may raise there, it must not end the others
             work.failed[index] += 1
-            words = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            words = " ".join(repr(error).split())[:200]
             return {"lost": words} if work.failed[index] >= TRIES else {}
 
-    def _look(self, work: _Progress) -> None:
+    def _look(self, work: _UnderWay) -> None:
         """Keeps the list of workers up to date, at most every LOOK_S. Raises RefineError when they stay away."""
         now = time.monotonic()
         if now - self._looked < LOOK_S:
@@ -176,7 +176,7 @@ class DaskPool:
         elif not there:
             self._say_once(f"The Dask scheduler {self._where} has no worker; waiting for one.")
 
-    def _workers(self, work: _Progress) -> set[str]:
+    def _workers(self, work: _UnderWay) -> set[str]:
         """The addresses of the workers; none while there is no scheduler, which is looked for again."""
         try:
             if self._client.status == "running":

@@ -17,7 +17,7 @@ SHOWN = 8  # digits of the engine's digest
 
 def versions() -> dict[str, str]:
     """Name to version, of Python, of the libraries that compute, and of the engine (a digest of its files)."""
-    package, digest = Path(__file__).resolve().parents[1], hashlib.sha256()
+    package, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
     for file in sorted(package.rglob("*.py")):
         digest.update(file.relative_to(package).as_posix().encode() + file.read_bytes())
     libraries = {"NumPy": np.__version__, "OpenCV": cv2.__version__, "SciPy": scipy.__version__}
