@@ -3,10 +3,12 @@
     .venv/bin/python benchmarks/farm_model.py
 
 First the cost of a photo and of opening the scan is measured, as processor time of whole batches of two and of eight photos,
-with one and two processes and on a local Dask cluster; then what a photo costs beside that: a line of the journal, and a task of
-Dask (scheduler, client and worker threads in one process, so more than the two alone need). The simulation takes these, a given
-length of a photo and size of the scan, and has machines that all read the scan at the start from one storage, workers that do
-photos of lengths spread as measured ones are, and one server that hands out tasks and takes results, as scheduler and client do.
+with one and two processes and on a local Dask cluster. Then what a photo costs beside that: a line of the journal, and a task
+of Dask (scheduler, client and worker threads in one process, so more than the two alone need).
+
+The simulation takes these, a given length of a photo and a size of the scan. Its machines all read the scan at the start from
+one storage. Its workers do photos of lengths spread as measured ones are. One server hands out tasks and takes results, as
+scheduler and client do.
 """
 
 import argparse
@@ -170,8 +172,8 @@ def simulate(costs: Costs, options: argparse.Namespace) -> None:
     whole = float(times.sum())
     print(
         f"\nSimulated: {options.photos} photos of {options.photo_s:g} s, a scan of {options.scan_gb:g} GB from one storage of "
-        f"{options.storage_gb_s:g} GB/s, {options.opening_s or costs.opening:.1f} s to open it, {options.per_machine} workers a "
-        "machine, of which the first reads the file."
+        f"{options.storage_gb_s:g} GB/s, {options.opening_s or costs.opening:.1f} s to open it, {options.per_machine} workers "
+        "a machine, of which the first reads the file."
     )
     print("| workers | reading the scan, s | shards: minutes, efficiency | Dask: minutes, efficiency | its server is busy |")
     print("|---|---|---|---|---|")

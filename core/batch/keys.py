@@ -65,7 +65,7 @@ def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettin
     """
     options = {name: value for name, value in asdict(settings).items() if name != "threads"}
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
-    common = (KEY_VERSION, scan_file_digest(scan), options, models, finding)
+    common = key_of(KEY_VERSION, scan_file_digest(scan), options, models, finding)  # once, for thousands of photos
     return [key_of(common, given(q), str(q.photo), q.seen[0], str(q.mask or ""), q.seen[1]) for q in queries]
 
 
