@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from samples import FEW, LENSES, MAP, SCAN, START_FRAME, STARTS, VIEWS
 
+from core.locate.cache import SUFFIX
+
 QUICK = ["--long-side-px", "240", "--iterations", "1", "--candidates", "2"]
 STUB_S = 0.15
 UNSTEADY = ("seconds", "key", "sum")  # what differs from one run to the next
@@ -87,9 +89,10 @@ def result_answers(folder: Path) -> Answers:
 
 
 def map_answers(folder: Path) -> Answers:
-    """The arrays of the map."""
-    path = folder / "in" / MAP
-    if not path.exists():
+    """The arrays of the map, beside the scan or, where that could not be written, in the user's cache."""
+    paths = [folder / "in" / MAP, *(folder / "cache").rglob(f"*{SUFFIX}")]
+    path = next((path for path in paths if path.exists()), None)
+    if path is None:
         return {}
     with np.load(path, allow_pickle=False) as arrays:
         return {name: hashlib.sha256(arrays[name].tobytes()).hexdigest() for name in arrays.files}

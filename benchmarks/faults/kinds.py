@@ -52,6 +52,14 @@ def command_killed(trial: Faulted) -> None:
     _judge(trial, trial.end(process), fine=(KILLED,))
 
 
+def interrupted(trial: Faulted) -> None:
+    """Ctrl-C at a random moment, at which the command still writes what it has."""
+    process = trial.start()
+    if trial.moment(process):
+        process.send_signal(signal.SIGINT)
+    _judge(trial, trial.end(process), fine=(130, -signal.SIGINT))
+
+
 def killed_while_writing(trial: Faulted) -> None:
     """kill -9 of the command right before it opens a file to write, brings it to the disk, names it anew or removes it."""
     assert trial.known is not None
@@ -244,6 +252,7 @@ def slow_disk(trial: Faulted) -> None:
 KINDS: dict[str, Callable[[Faulted], None]] = {
     "a worker killed": worker_killed,
     "the command killed": command_killed,
+    "Ctrl-C": interrupted,
     "killed while writing": killed_while_writing,
     "disk full": disk_full,
     "output read-only": output_read_only,
@@ -261,6 +270,7 @@ KINDS: dict[str, Callable[[Faulted], None]] = {
 PLAN: dict[str, tuple[int, int, int, int, int, int]] = {
     "a worker killed": (12, 3, 1, 2, 1, 2),
     "the command killed": (12, 3, 1, 2, 2, 3),
+    "Ctrl-C": (3, 1, 0, 1, 3, 3),
     "killed while writing": (10, 2, 0, 1, 2, 2),
     "disk full": (5, 2, 0, 1, 1, 1),
     "output read-only": (2, 1, 0, 1, 1, 1),

@@ -97,7 +97,7 @@ def track_journal(folder: Path, found: Path, key: str) -> tuple[Path, Read]:
 
     def read(file: Path) -> list[str]:
         again = read_found(journal, key)
-        wrong = [] if again == PartialTrack() or _same_track(again, good) else ["another track"]
+        wrong = [] if not again.ties or _same_track(again, good) else ["another track"]
         write_found(journal, good, key)
         assert _same_track(read_found(journal, key), good)
         return wrong

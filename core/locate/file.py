@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import CameraError, GssmcError
-from ..geometry.camera import Camera, Pose
+from ..geometry.camera import Camera, FloatArray, Pose
 from ..splats.scene import GaussianScene
 from ..support.arrays_file import ArraysFileError, read_arrays
 from ..support.atomic import atomic_write, remove_old_parts
@@ -120,6 +120,14 @@ def _views(arrays: dict[str, Any]) -> tuple[MapView, ...]:
         raise ValueError("a count, point or depth is out of range")
     ends = np.cumsum(counts)
     return tuple(
-        MapView(Pose(R[i], t[i]), points[e - c : e], descriptors[e - c : e], float(depth[i]), bool(known[i]))
+        MapView(_pose(R[i], t[i]), points[e - c : e], descriptors[e - c : e], float(depth[i]), bool(known[i]))
         for i, (e, c) in enumerate(zip(ends.tolist(), counts.tolist(), strict=True))
     )
+
+
+def _pose(R: FloatArray, t: FloatArray) -> Pose:
+    """The pose as it was written, to the last bit: a photo has the same answer with a new map and with a stored one. Raises
+    CameraError where it is none.
+    """
+    Pose(R, t)
+    return Pose.as_it_is(R, t)
