@@ -6,6 +6,7 @@ Only this side writes results. Whatever becomes of workers or scheduler, a task 
 from __future__ import annotations
 
 import logging
+import pickle
 import pkgutil
 import queue
 import secrets
@@ -21,7 +22,7 @@ from distributed import Client, Future, KilledWorker, LocalCluster
 
 from ...errors import RefineError
 from ...processes.pool import Lost, Task
-from .dask_worker import ScanPlugin, answer, dask_setup, forget
+from .dask_worker import Call, ScanPlugin, dask_setup, forget
 from .versions import versions
 
 log = logging.getLogger(__name__)
@@ -136,9 +137,9 @@ class DaskPool:
         while work.todo and len(work.flying) < AHEAD * len(usable):
             index, task = work.todo.popleft()
             key = f"{self._plugin.name}-{index}-{secrets.token_hex(4)}"
-            future = self._client.submit(
-                answer, self._plugin, task, key=key, pure=False, workers=sorted(usable), allow_other_workers=True
-            )
+            call = pickle.dumps(Call(self._plugin, task))
+            where = {"workers": sorted(usable), "allow_other_workers": True}
+            future = self._client.submit(pickle.loads, call, key=key, pure=False, **where)
             work.flying[index] = future
             future.add_done_callback(lambda ended, index=index: self._ended.put((index, ended)))
 
@@ -153,7 +154,7 @@ class DaskPool:
             return {}
         except Exception as error:  # noqa: BLE001 - whatever a task may raise there, it must not end the others
             work.failed[index] += 1
-            words = " ".join(repr(error).split())[:200]
+            words = " ".join(str(error).split())[:200].rstrip(".")
             return {"lost": words} if work.failed[index] >= TRIES else {}
 
     def _look(self, work: _UnderWay) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable
 from typing import Any
 
 from distributed import Worker, WorkerPlugin, get_worker
@@ -114,6 +115,18 @@ def answer(plugin: ScanPlugin, task: Record) -> Record:
         plugin.setup(worker)
     held: ScanPlugin = worker.plugins.setdefault(plugin.name, plugin)
     return held.answer(task)
+
+
+class Call:
+    """A task as bytes: unpickled, it is the answer. The scheduler reads the tasks that it hands on, and has to know nothing of
+    the engine for that.
+    """
+
+    def __init__(self, plugin: ScanPlugin, task: Record) -> None:
+        self._arguments = plugin, task
+
+    def __reduce__(self) -> tuple[Callable[..., Record], tuple[ScanPlugin, Record]]:
+        return answer, self._arguments
 
 
 def dask_setup(worker: Worker) -> None:

@@ -198,20 +198,38 @@ def test_a_killed_worker_costs_nothing_and_the_answers_are_those_of_one_machine(
     hurt_readers(hook, monkeypatch)
     (hook / "hang").touch()
     path = os.pathsep.join([str(hook), str(REPO), *filter(None, [os.environ.get("PYTHONPATH")])])
-    with cluster(0) as made:
-        command = [sys.executable, "-m", "distributed.cli.dask_worker", made.scheduler_address, "--nthreads", "1", "--no-nanny"]
-        options = {"cwd": REPO, "env": {**os.environ, "PYTHONPATH": path}, "stderr": subprocess.DEVNULL}
-        worker = subprocess.Popen([*command, "--no-dashboard"], **options)
-        ends = []
-        dask = ["--executor", "dask", "--scheduler", made.scheduler_address, "--out", str(tmp_path / "dask.json")]
-        thread = threading.Thread(target=lambda: ends.append(main([*argv, *dask])), daemon=True)
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    bare = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    told = tmp_path / "scheduler.json"
+    processes = [subprocess.Popen([*dask, "--scheduler-file", told], cwd=tmp_path, env=bare, **quiet)]  # it has no engine
+    try:
+        wait_for(lambda: told.exists() and told.read_text().endswith("}"), PATIENCE_S)
+        address = json.loads(told.read_text())["address"]
+        worker = [
+            sys.executable,
+            "-m",
+            "distributed.cli.dask_worker",
+            address,
+            "--nthreads",
+            "1",
+            "--no-nanny",
+            "--no-dashboard",
+        ]
+        options = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": path}, **quiet}
+        processes.append(subprocess.Popen(worker, **options))
+        ends, more = [], ["--executor", "dask", "--scheduler", address, "--out", str(tmp_path / "dask.json")]
+        thread = threading.Thread(target=lambda: ends.append(main([*argv, *more])), daemon=True)
         thread.start()
         wait_for(lambda: list(hook.glob("*.pid")), PATIENCE_S)  # the photo is being read, or will be at once
-        worker.kill()
-        worker.wait()
+        processes[1].kill()
         (hook / "hang").unlink()
-        made.scale(1)
+        processes.append(subprocess.Popen(worker, **options))
         thread.join(PATIENCE_S)
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
     assert ends == [0]
     wait_for(lambda: not any(alive(int(pid.stem)) for pid in hook.glob("*.pid")))
     local, dask = (json.loads((tmp_path / name).read_text())["frames"] for name in ("local.json", "dask.json"))
