@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +16,9 @@ from ..support.words import counted
 from .records import Record
 
 HEAD = '{"frames": [\n'  # a record per line follows, so that a file cut short still gives up its whole lines
-END = "]}\n"
+END = re.compile(r'\](?:, "sum": "([0-9a-f]{32})")?\}\n')  # with a checksum of the records' lines before it
 JOURNAL_HEAD = '{"gssmc_journal": 1}\n'
+SUM_BYTES = 16
 NONE = object()  # what a line holds that is no JSON
 
 
@@ -49,15 +53,33 @@ class StoredRecords:
     damaged: int = 0
     cut: bool = False
 
+    @cached_property
+    def _form(self) -> tuple[bool, bool]:
+        """Whether the file has the form in which we write it, and also the checksum that we gave it as a whole; without looking
+        into the records.
+        """
+        if self.begins is not is_head:
+            with self.path.open(encoding="utf-8", errors="replace") as lines:
+                return self.begins(lines.readline()), False
+        with self.path.open("rb") as file:
+            first = file.readline().decode("utf-8", "replace")
+            return _form_of(file) if is_head(first) else (False, False)
+
     def __iter__(self) -> Iterator[tuple[Record, str, bool]]:
         if not self._is_ours():
             raise ValueError("another file")
+        known = self.is_exact
         for frame, text in self._frames():
             if _is_record(frame):
-                yield frame, text, is_sound(frame)
+                yield frame, text, known or is_sound(frame)
             elif text:
                 self.damaged += 1
                 self.cut = self.damaged == 1 and not text.endswith("\n")
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether a results file is to the last byte as we wrote it."""
+        return self._form[1]
 
     @property
     def words(self) -> str:
@@ -79,19 +101,16 @@ class StoredRecords:
 
     def _frames(self) -> Iterator[tuple[Any, str]]:
         """What stands for records, with their texts."""
-        with self.path.open(encoding="utf-8", errors="replace") as lines:
-            ours = self.begins(lines.readline())
-            lined = ours and (self.begins is not is_head or _is_lined(lines))
-        whole = None if lined else self._whole()
+        whole = None if self._form[0] else self._whole()
         if whole is not None:
             yield from ((frame, json.dumps(frame)) for frame in whole)
             return
         with self.path.open(encoding="utf-8", errors="replace") as lines:
-            if ours:
-                lines.readline()
+            if not self.begins(lines.readline()):
+                lines.seek(0)
             for line in lines:
                 text = line.strip().removesuffix(",")
-                if text and line != END:
+                if text and not END.fullmatch(line):
                     frame = _parsed(text)
                     yield frame, line if frame is NONE else text
 
@@ -114,11 +133,29 @@ def _is_record(frame: Any) -> bool:
     return isinstance(frame, dict) and {"key", "verdict"} <= frame.keys()
 
 
-def _is_lined(lines: Iterable[str]) -> bool:
-    """Whether what follows the head has the form in which we write it, without looking into the records."""
-    last = ""
+def _form_of(lines: Iterable[bytes]) -> tuple[bool, bool]:
+    """`StoredRecords._form` of what follows the head."""
+    digest, last = hashlib.blake2b(digest_size=SUM_BYTES), b""
     for line in lines:
-        if last and not (last.startswith("{") and last.endswith("},\n" if line != END else "}\n")):
-            return False
+        if last:
+            digest.update(last)
+            is_last = line.startswith(b"]")
+            if not (last.startswith(b"{") and last.endswith(b"}\n" if is_last else b"},\n")):
+                return False, False
         last = line
-    return last == END
+    end = END.fullmatch(last.decode("utf-8", "replace"))
+    return end is not None, end is not None and end[1] == digest.hexdigest()
+
+
+def lines_of(head: str, texts: Iterable[str]) -> Iterator[str]:
+    """A results file of records' JSON texts, piece by piece."""
+    yield head
+    digest, last = hashlib.blake2b(digest_size=SUM_BYTES), ""
+    for text in texts:
+        if last:
+            digest.update(f"{last},\n".encode())
+            yield f"{last},\n"
+        last = text
+    if last:
+        digest.update(f"{last}\n".encode())
+    yield f'{last}\n], "sum": "{digest.hexdigest()}"}}\n'

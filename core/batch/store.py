@@ -24,7 +24,7 @@ from ..pose.shared_records import OWN, own_record
 from ..support.atomic import atomic_write, remove_parts, sync_folder
 from ..support.lock import is_at, open_locked
 from ..support.sealed import sealed
-from .lines import END, HEAD, StoredRecords, heads, is_head, is_journal_head
+from .lines import HEAD, StoredRecords, heads, is_head, is_journal_head, lines_of
 from .records import Gist, KeptRecords, Record, whole_write
 
 log = logging.getLogger(__name__)
@@ -169,7 +169,8 @@ class ResultStore:
                 raise ResultsError(f"'{path}' exists and is no {what} of a batch; give another --out.") from None
             if stored.words:
                 log.warning("%s", stored.words)
-                self._changed = True  # what is damaged is written anew
+            # What is damaged, or laid out by others, is written anew.
+            self._changed = self._changed or bool(stored.words) or not (stored.is_exact or begins is is_journal_head)
 
     def _texts(self) -> Iterator[str]:
         return (self.records.text(index) for index in sorted(self.records))
@@ -199,6 +200,4 @@ class ResultStore:
 
 def _save(path: Path, head: str, texts: Iterable[str]) -> None:
     with atomic_write(path) as file:
-        file.write(head)
-        file.writelines(",\n" * (k > 0) + text for k, text in enumerate(texts))
-        file.write("\n" + END)
+        file.writelines(lines_of(head, texts))
