@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..support.atomic import atomic_write, remove_old_parts
+from ..support.atomic import atomic_write
 from ..support.words import counted
 from .console import message, say
 
@@ -28,7 +28,6 @@ def write_json(out: Path, data: dict[str, Any]) -> None:
     try:
         with atomic_write(out) as file:
             file.write(text + "\n")
-        remove_old_parts(out)
     except OSError:
         say(text)
         raise
