@@ -140,6 +140,9 @@ class Faulted:
             if "error" not in answer and steady(answer, self.folder) != expected.get(name):
                 self.broken.append(f"a wrong answer {when}: {name}")
 
+    def is_right(self, answers: Answers, known: Undisturbed) -> bool:
+        return all(steady(answer, self.folder) == known.answers.get(name) for name, answer in answers.items())
+
     def again(self, kept: Answers, known: Undisturbed | None = None) -> None:
         """The same command without a fault: it completes, with the right answers, and with those `kept` from before as they
         are; and it leaves nothing behind.

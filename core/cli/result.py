@@ -10,7 +10,7 @@ from typing import Any
 from ..batch.records import UNUSABLE, KeptRecords
 from ..cameras import pose_list, short
 from ..cameras.files import camera_from_dict
-from ..support.atomic import atomic_write, remove_old_parts
+from ..support.atomic import atomic_write
 from ..support.words import counted
 from .console import message, say
 from .outcome import FAILED_VERDICT, OK, has_camera
@@ -37,7 +37,6 @@ def write_json(out: Path, data: dict[str, Any]) -> None:
     try:
         with atomic_write(out) as file:
             file.write(text + "\n")
-        remove_old_parts(out)
     except OSError:
         say(text)
         raise

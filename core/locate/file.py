@@ -15,7 +15,7 @@ from ..errors import CameraError, GssmcError
 from ..geometry.camera import Camera, FloatArray, Pose
 from ..splats.scene import GaussianScene
 from ..support.arrays_file import ArraysFileError, read_arrays
-from ..support.atomic import atomic_write, remove_old_parts
+from ..support.atomic import atomic_write
 from .landmarks import LandmarkMap, MapView
 from .search_file import search_arrays, search_of
 from .settings import MapSettings
@@ -73,7 +73,6 @@ def write_map(path: str | Path, made: LandmarkMap) -> None:
     head = {"format": FORMAT, "version": VERSION, "key": made.key, "complete": made.complete, "search": search}
     with atomic_write(path, "wb") as file:
         np.savez(file, **{HEAD: np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays})
-    remove_old_parts(Path(path))
 
 
 def read_map(path: str | Path, key: str) -> LandmarkMap:

@@ -19,11 +19,12 @@ ABANDONED_S = 3600.0
 
 
 @contextmanager
-def atomic_write(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
+def atomic_write(path: str | Path, mode: str = "w", *, one_of_many: bool = False) -> Iterator[IO[Any]]:
     """A file to write to, which takes the place of `path` when the block ends well and vanishes when it does not.
 
     `mode` is "w" (UTF-8 text) or "wb". A link stays one, and the file that it leads to is replaced; an old file's permissions
-    stay, a new file gets the usual ones. OSError passes through.
+    stay, a new file gets the usual ones. OSError passes through. What a process that was killed once left of `path` half
+    written is removed, but where it is `one_of_many` files of a folder, whose listing for each of them would take long.
     """
     target = Path(os.path.realpath(path))
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -41,6 +42,8 @@ def atomic_write(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+    if not one_of_many:
+        remove_old_parts(target)
 
 
 def part_of(path: str | Path) -> Path:

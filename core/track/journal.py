@@ -14,7 +14,7 @@ from ..errors import CameraError
 from ..geometry.camera import Pose
 from ..pose.shared.least_squares import NormalEquations
 from ..support.arrays_file import read_arrays
-from ..support.atomic import atomic_write, remove_old_parts
+from ..support.atomic import atomic_write
 from .evidence import Evidence
 from .problem import Link
 from .walk import PartialTrack, Tie
@@ -45,7 +45,6 @@ def write_found(path: Path, found: PartialTrack, key: str) -> None:
     }
     with atomic_write(path, "wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]
-    remove_old_parts(path)
 
 
 def is_other_file(path: Path) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from core.support.atomic import atomic_write, remove_old_parts
+from core.support.atomic import atomic_write
 from core.support.lock import open_locked
 from core.support.scratch import GRACE_S, ScratchFolder
 
@@ -185,5 +185,7 @@ def test_what_a_killed_process_left_half_written_is_removed_when_it_is_old(tmp_p
     for name, age in names.items():
         (tmp_path / name).write_text("half")
         os.utime(tmp_path / name, (now - age,) * 2)
-    remove_old_parts(path)
+    with atomic_write(path) as file:
+        file.write("whole again")
+    os.utime(path, (now, now))
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(["r.json", *list(names)[1:]])
