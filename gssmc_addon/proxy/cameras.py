@@ -30,6 +30,23 @@ def cameras_of(
     return _of_plate(camera, step) if which == "PLATE" else [_copied(scene, splat, camera)]
 
 
+def doubts(scene: bpy.types.Scene, camera: bpy.types.Object | None, which: str) -> str:
+    """Sentences on cameras that `cameras_of` leaves out, or takes although they are to be checked or failed; "" on none."""
+    if which != "PHOTOS":
+        failed = camera is not None and camera_solution.verdict(scene, camera) == "FAILED"
+        checked = camera is not None and camera_solution.verdict(scene, camera) == "CHECK"
+        if failed:
+            return rpt_('"{name}" failed to be refined; the mesh is what it sees from where it stands.', name=camera.name)
+        return rpt_('"{name}" should be checked by eye; a wrong camera bends the mesh.', name=camera.name) if checked else ""
+    verdicts = [camera_solution.verdict(scene, one) for one in photo_list.cameras(scene)]
+    out, checked = sum(verdict not in SOLVED for verdict in verdicts), verdicts.count("CHECK")
+    told = [
+        rpt_("Left out: photos without a camera that holds, {count} of {all}.", count=out, all=len(verdicts)) if out else "",
+        rpt_("Cameras that should be checked by eye: {count}; a wrong one bends the mesh.", count=checked) if checked else "",
+    ]
+    return " ".join(sentence for sentence in told if sentence)
+
+
 def _copied(scene: bpy.types.Scene, splat: bpy.types.Object, camera: bpy.types.Object) -> Camera:
     """As the camera stands and looks now, at the size of its photo, or of the render where it has none. Its file is the
     camera's name.

@@ -20,6 +20,8 @@ CHOICE_RATIO, CHOICE_DEG = 1.0, 60.0
 # pixels came out half as far off in their worst tenth as without it (benchmarks/pins.py).
 HELD_RATIO, HELD_DEG = 0.12, 15.0
 REFITS = 2
+# A fit ends where the cost falls by less than this share of it: far below what a click tells.
+MIN_GAIN = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +77,10 @@ class PinProblem:
 
 def fit_pins(start: CameraUnknowns, problem: PinProblem, near: Near) -> CameraUnknowns:
     """The camera of least cost near `start`."""
-    return levenberg_marquardt(start, partial(problem.equations, near=near), lambda c, step: c.moved(step, problem.free))
+    def move(camera: CameraUnknowns, step: FloatArray) -> CameraUnknowns:
+        return camera.moved(step, problem.free)
+
+    return levenberg_marquardt(start, partial(problem.equations, near=near), move, MIN_GAIN)
 
 
 def settled(camera: CameraUnknowns, problem: PinProblem, near: Near) -> CameraUnknowns:

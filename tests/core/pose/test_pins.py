@@ -136,13 +136,15 @@ def test_one_or_two_pins_guide_the_camera_which_moves_little(clicker):
         assert report.errors_px.max() < 3 and distance < 0.15 * DEPTH and degrees < 15
 
 
-def test_pins_on_one_line_are_no_camera_that_is_placed(clicker):
+@pytest.mark.parametrize("beside", [0.0, 0.005])
+def test_pins_on_one_line_are_refused(clicker, beside):
     truth, _ = clicker.pins(0, 3)
-    line = truth.pose.inverse().transform([(-1.0, 0, 3), (0, 0, 3), (1.0, 0, 3)])
+    line = truth.pose.inverse().transform([(-1.0, 0, 3), (0, beside, 3), (1.0, 0, 3), (0.5, 0, 3)])
     photo = truth.intrinsics.project(truth.pose.transform(line))
     pins = [Pin(tuple(p), tuple(w)) for p, w in zip(photo.tolist(), line.tolist(), strict=True)]
-    report = place_by_pins(perturb_camera(truth, 0.2, 5.0), pins)
-    assert report.state == "doubtful" and any("one line" in reason for reason in report.reasons)
+    for count in (3, 4):
+        with pytest.raises(RefineError, match="one line"):
+            place_by_pins(perturb_camera(truth, 0.2, 5.0), pins[:count])
 
 
 def test_three_pins_that_hold_nothing_are_told_without_numbers():
