@@ -24,9 +24,8 @@ from ..splats.scene import GaussianScene
 Float32Array = NDArray[np.float32]
 
 FLATTEST = 0.2  # of a Gaussian's largest deviation: a thinner one seen edge-on would be a plane through the camera
-# The part of a Gaussian's deviations that its plane is drawn with: neighbours lap over each other to leave no gap, and the last
-# ones before an edge reach out over it by as much. LEAST_ALPHA: where so little of a pixel is left, there was fog.
-CORE, LEAST_ALPHA = 0.8, 0.25
+import os
+MIX = bool(os.environ.get('MIX'))
 RANGE_PCT = (0.5, 99.5)  # of the planes in front of the camera: what lies outside is taken to lie at the end
 TRUSTED_STD = 2.0  # deviations of the expected depth within which a plane's depth must lie
 
@@ -41,7 +40,6 @@ class PlaneRenderer:
         block = np.empty((ROWS + 3, len(self._tables)), np.float32)
         block[:ROWS] = self._tables.block[:ROWS]
         self._planes = SceneTables(self._tables.origin, block, self._tables.antialiased)
-        self._planes.body[:9] *= CORE  # its axes
 
     def render(self, camera: Camera, should_stop: Callable[[], bool]) -> tuple[RenderedView, Float32Array]:
         """The view, and depth by planes (H, W), camera-space z in scene units, the expected one where no plane is to be
@@ -54,9 +52,8 @@ class PlaneRenderer:
         width = max(float(high - low), 1e-12)
         self._planes.block[ROWS:] = np.clip((planes - low) / width, 0, 1)
         drawn = Renderer(self._planes, self._settings).render(camera.intrinsics, camera.pose, should_stop)
-        mean = (low + width * drawn.color / np.maximum(drawn.alpha, 1e-6)[..., None]).astype(np.float32)
-        depth = _depth(mean @ camera.pose.R.T.astype(np.float32), camera, view)
-        return view, np.where(drawn.alpha >= LEAST_ALPHA, depth, view.depth)
+        mean = (low + width * drawn.color / np.maximum(view.alpha, 1e-6)[..., None]).astype(np.float32)
+        return view, _depth(mean @ camera.pose.R.T.astype(np.float32), camera, view)
 
     def _towards(self, camera: Camera) -> Float32Array:
         """q (3, N) of all Gaussians, in the scan's axes."""
@@ -87,4 +84,5 @@ def _depth(planes: Float32Array, camera: Camera, view: RenderedView) -> Float32A
     with np.errstate(divide="ignore"):
         depth = np.where(inverse > 0, 1 / inverse, 0)
     trusted = np.abs(depth - view.depth) <= TRUSTED_STD * np.sqrt(view.depth_variance) + 0.05 * view.depth
+    if MIX: depth = 2 / (1 / np.maximum(depth, 1e-9) + 1 / np.maximum(view.depth, 1e-9))
     return np.where(trusted, depth, view.depth).astype(np.float32)
