@@ -34,7 +34,7 @@ def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="composite.py", description=__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--samples", type=int, default=64, help="of Cycles, for each pixel (64)")
-    parser.add_argument("--quick", action="store_true", help="a coarse proxy, to try the whole way")
+    parser.add_argument("--quick", action="store_true", help="the known camera and a coarse proxy, to try it out")
     return parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
 
 
@@ -53,8 +53,10 @@ def make_picture(sample: Path, out: Path, samples: int, quick: bool = False) -> 
     for obj in list(bpy.data.objects):
         bpy.data.objects.remove(obj)
     bpy.ops.gssmc.import_splats(filepath=str(sample / "room.ply"))
-    bpy.ops.gssmc.add_photo(filepath=str(sample / "photo.jpg"), camera="NEW", camera_file=str(sample / "start.json"))
-    bpy.ops.gssmc.refine()  # Without a start: find_camera()
+    start = sample / ("truth.json" if quick else "start.json")
+    bpy.ops.gssmc.add_photo(filepath=str(sample / "photo.jpg"), camera="NEW", camera_file=str(start))
+    if not quick:
+        bpy.ops.gssmc.refine()  # Without a start: find_camera()
     bpy.ops.gssmc.make_proxy(**(QUICK if quick else {}))
     add_ball(scene)
     add_light(scene)

@@ -24,8 +24,6 @@ from ..splats.scene import GaussianScene
 Float32Array = NDArray[np.float32]
 
 FLATTEST = 0.2  # of a Gaussian's largest deviation: a thinner one seen edge-on would be a plane through the camera
-import os
-MIX = bool(os.environ.get('MIX'))
 RANGE_PCT = (0.5, 99.5)  # of the planes in front of the camera: what lies outside is taken to lie at the end
 TRUSTED_STD = 2.0  # deviations of the expected depth within which a plane's depth must lie
 
@@ -84,5 +82,4 @@ def _depth(planes: Float32Array, camera: Camera, view: RenderedView) -> Float32A
     with np.errstate(divide="ignore"):
         depth = np.where(inverse > 0, 1 / inverse, 0)
     trusted = np.abs(depth - view.depth) <= TRUSTED_STD * np.sqrt(view.depth_variance) + 0.05 * view.depth
-    if MIX: depth = 2 / (1 / np.maximum(depth, 1e-9) + 1 / np.maximum(view.depth, 1e-9))
     return np.where(trusted, depth, view.depth).astype(np.float32)
