@@ -104,7 +104,15 @@ class Trial:
         shown = self.coverage([ball]) > 0.5
         wrong = [100 * (shown != truth)[near].sum() / whole.sum() for truth in (visible, whole & ~self.hidden_in_photo())]
         self.bpy.data.objects.remove(ball)
-        return [self.engine, proxy, f"{plate}", *(f"{w:.2f}" for w in wrong), f"{shadow}", f"{self.lens_error():.3f}", f"{seconds:.1f}"]
+        return [
+            self.engine,
+            proxy,
+            f"{plate}",
+            *(f"{w:.2f}" for w in wrong),
+            f"{shadow}",
+            f"{self.lens_error():.3f}",
+            f"{seconds:.1f}",
+        ]
 
     def coverage(self, balls: list[Any]) -> np.ndarray:
         """How much of each pixel (H, W) the balls cover: they are rendered bright and black, and what differs are the balls."""
@@ -125,7 +133,9 @@ class Trial:
             obj.hide_render = True
         radius = DOT_PX / self.lens.focal * DOT_DEPTH
         places = (rays - self.truth.pose.t) @ self.truth.pose.R
-        light = self.coverage([self.add_ball(place, radius, shots.material(self.bpy, "Emission", (1, 1, 1))) for place in places])
+        light = self.coverage(
+            [self.add_ball(place, radius, shots.material(self.bpy, "Emission", (1, 1, 1))) for place in places]
+        )
         yy, xx = np.mgrid[: self.lens.height, : self.lens.width] + 0.5
         worst = 0.0
         for u, v in targets:
@@ -152,7 +162,9 @@ class Trial:
         scene = make_scene(0)
         means = scene.means
         inside = [np.linalg.norm(means - np.array(c), axis=1) < r + THICK for c, r in BALLS]
-        inside += [((means > np.array(low) - THICK) & (means < np.array(high) + THICK)).all(axis=1) for low, high in BOXES.values()]
+        inside += [
+            ((means > np.array(low) - THICK) & (means < np.array(high) + THICK)).all(axis=1) for low, high in BOXES.values()
+        ]
         before = self.truth.pose.transform(means)[:, 2] < self.truth.pose.transform(BALL[None])[0, 2]
         kept = np.any(inside, axis=0) & before & (means[:, 1] < HULL[1][1] - THICK)
         white = np.zeros_like(scene.sh[kept])

@@ -104,7 +104,9 @@ def main() -> None:
     parser.add_argument("--click-px", type=float, default=3.0)
     args = parser.parse_args()
     hand = Hand(args.click_px)
-    print("| pairs | depths | lens | off, median | worst tenth | within 3 % / 1.5 deg | bound | off / said (RMS) | focal | doubtful |")
+    print(
+        "| pairs | depths | lens | off, median | worst tenth | within 3 % / 1.5 deg | bound | off / said (RMS) | focal | doubtful |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for count, near_and_far, wide_px, guessed in CASES:
         off, said, focal, doubtful, best = [], [], [], [], []

@@ -15,7 +15,9 @@ from .views import DepthView, bent
 
 BoolArray = NDArray[np.bool_]
 
-JUMP = 0.03  # of the depth: neighbours that are farther apart, and not along a plane, belong to two surfaces
+# Of the depth: neighbours that are farther apart than JUMP belong to two surfaces unless they lie along a plane, which no
+# camera sees so aslant that they were STEEP apart.
+JUMP, STEEP = 0.03, 0.08
 ROUNDS = 2  # of smoothing along outlines, which are stairs of pixels at first
 # The corners of a pixel, right and down of its upper left one.
 CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
@@ -50,7 +52,7 @@ def _joined(view: DepthView, axis: int) -> BoolArray:
     depth, bend = view.depth, bent(view.depth)
     after, bend_after = (np.roll(values, -1, axis) for values in (depth, bend))
     near, far = np.minimum(depth, after), np.maximum(depth, after)
-    joined = (near > 0) & ((far - near <= JUMP * near) | ~(bend | bend_after))
+    joined = (near > 0) & (far - near <= np.where(bend | bend_after, JUMP, STEEP) * near)
     np.moveaxis(joined, axis, 0)[-1] = False
     return np.asarray(joined)
 

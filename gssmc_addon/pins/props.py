@@ -32,9 +32,7 @@ class GssmcPin(bpy.types.PropertyGroup):
             max=MAX_WEIGHT,
             soft_max=100.0,
         ),
-        "frame": IntProperty(
-            name="Frame", description="Of a plate, the frame of the scene at which it was set", default=EVERY
-        ),
+        "frame": IntProperty(name="Frame", description="Of a plate, the frame of the scene at which it was set", default=EVERY),
         "error_px": FloatProperty(
             name="Error (px)", description="How far it lay off when the pins placed the camera last; -1: not yet", default=-1.0
         ),

@@ -44,6 +44,8 @@ PRIOR_COUNT = 4.0
 # Points whose spread beside a line is less than this share of that along it lie on the line: pins across half of a photo are
 # clicked no better.
 LINE = 0.01
+# Steps of a fit that follows a mouse: the next move goes on from there.
+FOLLOWED = 8
 # What nearness counts where nobody knows where the camera stands: enough to keep the equations solvable.
 UNKNOWN = 1e-8
 # Pins whose errors are so many times what a hand does contradict each other.
@@ -122,10 +124,10 @@ class _Placing:
         """The camera of least cost near `last`; none without that, or where half of the pins contradict it."""
         if last is None or len(self.pins) < LEAST:
             return []
-        camera = fit_pins(CameraUnknowns(last.pose, last.intrinsics), self.problem, self.near)
+        camera = fit_pins(CameraUnknowns(last.pose, last.intrinsics), self.problem, self.near, FOLLOWED)
         errors, limit = self.points.errors_px(camera), CONTRADICTED * self.points.std_px
         fits = np.isfinite(errors).all() and np.median(errors) <= limit
-        return [settled(camera, self.problem, self.near)] if fits else []
+        return [camera] if fits else []
 
     def solve(self) -> list[CameraUnknowns]:
         """The cameras that the pins may mean, the likeliest first; none where all have a point behind them."""

@@ -50,12 +50,13 @@ def levenberg_marquardt(
     equations: Callable[[State], NormalEquations],
     move: Callable[[State, FloatArray], State],
     min_gain: float = MIN_GAIN,
+    max_steps: int = MAX_STEPS,
 ) -> State:
     """The state of least cost near `state`; `move(state, step)` applies a step (n,). The search ends when the cost falls, or
-    could at best fall, by less than the share `min_gain` of it.
+    could at best fall, by less than the share `min_gain` of it, or after `max_steps`.
     """
     damping, now = 1e-3, equations(state)
-    for _ in range(MAX_STEPS):
+    for _ in range(max_steps):
         diagonal = np.maximum(np.diag(now.information), 1e-12)
         step = newton_step(now.information + damping * np.diag(diagonal), now.gradient)
         if step is None:
