@@ -14,7 +14,6 @@ from ..splats.scene import GaussianScene
 from ..support.steps import converted, run_to_end
 from .blocks import CHUNK, Blocks, allocated, fused, surface_cells
 from .decimate import decimated
-from .grid import view_surface
 from .mesh import ProxyMesh, coloured
 from .pieces import IntArray, compacted, with_holes_closed, without_floaters
 from .planes import PlaneRenderer
@@ -30,7 +29,6 @@ FACES_PER_CELL = 3.0
 WIDEST_HOLE = 0.25  # of the distance from the grid's centre, or of its radius: a wider opening is a border
 # Shares of the progress at which the stages begin: drawing, fusing, decimating.
 FUSING, DECIMATING = 0.45, 0.7
-NO_SURFACE = "The cameras show no surface of the scan; check that they belong to it, or take other ones."
 
 
 @dataclass(frozen=True)
@@ -116,11 +114,6 @@ def _surface(
     none.
     """
     yield ProxyStep("finding surfaces", FUSING)
-    if len(views) == 1:
-        vertices, faces = view_surface(views[0])
-        if len(faces) == 0:
-            raise ProxyError(NO_SURFACE)
-        return vertices - space.centre, faces
     keys = allocated(surface_cells(views, space, voxel))
     parts = []
     for part in fused(keys, views, space, voxel):
@@ -130,5 +123,5 @@ def _surface(
     places, faces = surface_nets(Blocks(keys, np.concatenate(parts), voxel))
     vertices, faces = compacted(space.from_grid(voxel * places).astype(np.float64), without_floaters(faces, len(places)))
     if len(faces) == 0:
-        raise ProxyError(NO_SURFACE)
+        raise ProxyError("The cameras show no surface of the scan; check that they belong to it, or take other ones.")
     return vertices, faces

@@ -85,8 +85,10 @@ def sharpened(depth: Float32Array) -> Float32Array:
     far = cv2.dilate(depth, kernel)
     near = cv2.erode(np.where(known, depth, np.float32(np.inf)), kernel)
     with np.errstate(divide="ignore", invalid="ignore"):
+        # The inverse depth of a plane is linear in the picture, however steep it is.
         inverse = np.where(known, 1 / depth, 0).astype(np.float32)
-        bridge = known & (far - near > JUMP * near) & (cv2.dilate(bent(depth).astype(np.uint8), kernel) > 0)
+        bend = np.maximum(_bend(inverse), _bend(inverse.T).T) * depth
+        bridge = known & (far - near > JUMP * near) & (cv2.dilate(bend, kernel) > BEND)
         is_near = inverse > NEAR_SHARE / near + (1 - NEAR_SHARE) / far
     return np.where(bridge, np.where(is_near, near, far), depth).astype(np.float32)
 
@@ -100,13 +102,6 @@ def smoothed(depth: Float32Array, width_px: float) -> Float32Array:
     logs = np.where(known, np.log(np.maximum(depth, NOWHERE)), np.float32(np.log(NOWHERE))).astype(np.float32)
     found = cv2.bilateralFilter(logs, -1, RIPPLE, width_px)
     return np.where(known, np.exp(found), 0).astype(np.float32)
-
-
-def bent(depth: Float32Array) -> NDArray[np.bool_]:
-    """Where depth (H, W) is not that of a plane, whose inverse depth is linear in the picture, however steep it is."""
-    with np.errstate(divide="ignore"):
-        inverse = np.where(depth > 0, 1 / depth, 0).astype(np.float32)
-    return np.asarray(np.maximum(_bend(inverse), _bend(inverse.T).T) * depth > BEND)
 
 
 def _bend(values: Float32Array) -> Float32Array:

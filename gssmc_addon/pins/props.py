@@ -7,7 +7,6 @@ from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 
 from ...core.pose.pins.pin import MAX_WEIGHT
 
-
 EVERY = -2_000_000  # no frame of Blender's: of a pin that was kept before pins knew theirs
 
 

@@ -33,11 +33,13 @@ def cameras_of(
 def doubts(scene: bpy.types.Scene, camera: bpy.types.Object | None, which: str) -> str:
     """Sentences on cameras that `cameras_of` leaves out, or takes although they are to be checked or failed; "" on none."""
     if which != "PHOTOS":
-        failed = camera is not None and camera_solution.verdict(scene, camera) == "FAILED"
-        checked = camera is not None and camera_solution.verdict(scene, camera) == "CHECK"
-        if failed:
-            return rpt_('"{name}" failed to be refined; the mesh is what it sees from where it stands.', name=camera.name)
-        return rpt_('"{name}" should be checked by eye; a wrong camera bends the mesh.', name=camera.name) if checked else ""
+        verdict = camera_solution.verdict(scene, camera) if camera is not None else ""
+        name = camera.name if camera is not None else ""
+        if verdict == "FAILED":
+            return rpt_('"{name}" failed to be refined; the mesh is what it sees from where it stands.', name=name)
+        return (
+            rpt_('"{name}" should be checked by eye; a wrong camera bends the mesh.', name=name) if verdict == "CHECK" else ""
+        )
     verdicts = [camera_solution.verdict(scene, one) for one in photo_list.cameras(scene)]
     out, checked = sum(verdict not in SOLVED for verdict in verdicts), verdicts.count("CHECK")
     told = [

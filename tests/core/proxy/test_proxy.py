@@ -10,7 +10,6 @@ from core.errors import Cancelled, ProxyError
 from core.geometry.camera import Camera, Pose
 from core.proxy import ProxySettings, iterate_proxy, make_proxy
 from core.proxy.blocks import SIDE, Blocks, coordinates, keys_of
-from core.proxy.grid import view_surface
 from core.proxy.pieces import border_loops, open_edges
 from core.proxy.planes import PlaneRenderer
 from core.proxy.surface import surface_nets
@@ -84,19 +83,6 @@ def test_the_mesh_of_one_camera_is_cut_where_the_depth_jumps(single, cameras):
     deep = np.ptp(local[..., 2], axis=1)
     wide = np.linalg.norm(np.ptp(local[..., :2], axis=1), axis=1)
     assert ((deep > 0.4) & (wide < 0.1)).sum() == 0
-
-
-def test_one_view_is_cut_between_its_pixels(cameras):
-    """A near square before a far wall: its outline is where the pixels change, and no vertex lies between the two."""
-    camera = pinhole(cameras[0])
-    depth = np.full((HEIGHT, WIDTH), 4.0, np.float32)
-    depth[50:120, 80:160] = 2.0
-    ones = np.ones_like(depth)
-    vertices, faces = view_surface(DepthView(camera, depth, ones, ones, np.zeros((HEIGHT, WIDTH, 3), np.float32)))
-    z = camera.pose.transform(vertices)[:, 2]
-    assert (np.abs(z - 2) < 1e-4).sum() == 71 * 81 and np.isclose(z, [[2], [4]], atol=1e-4).any(axis=0).all()
-    seen = mesh_depth(vertices, faces, camera)
-    assert (np.abs(seen / depth - 1) > 1e-3)[2:-2, 2:-2].mean() < 2e-3
 
 
 def test_faces_are_turned_to_the_cameras(fused, cameras):
