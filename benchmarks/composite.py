@@ -5,11 +5,11 @@
 The built-in sample at 640 x 480 with its true camera, so that errors are those of the composite alone. A ball stands half
 behind the chest. "exact": the proxy is the room's own boxes, floor and wall; "made": it is what Make Proxy makes of the splat.
 
-plate: largest difference of F12 without CG from the photo, of 255. occluded: pixels of the ball, of those that it would cover
-if nothing hid it, that show although they are hidden or the other way round: by the room's own shapes, and by what the photo
-shows, in which a pixel is hidden where the Gaussians of the things before the ball cover more than half of it. shadow: pixels beside the ball that get darker by
-more than 8 of 255. lens: how far 63 small dots all over the picture are from where the lens model has them, the largest
-distance in pixels. Run it with the Python of another Blender (.venv45, .venv53) for that one.
+plate: largest difference of F12 without CG from the photo, of 255. wrong: pixels of the ball, of those that it would cover if
+nothing hid it, that show although they are hidden or the other way round: by the room's own shapes, and by what the photo
+shows, in which a pixel is hidden where the Gaussians of the things before the ball cover more than half of it. shadow: pixels
+beside the ball that get darker by more than 8 of 255. lens: how far 63 small dots all over the picture are from where the lens
+model has them, the largest distance in pixels. Run it with the Python of another Blender (.venv45, .venv53) for that one.
 """
 
 from __future__ import annotations

@@ -39,6 +39,8 @@ CASES = [(3, 1.0, ANY, False), (3, 1.8, ANY, False), (3, 1.8, WIDEST, False)]
 CASES += [(4, 1.0, ANY, False), (4, 1.8, ANY, False), (4, 1.8, WIDEST, False), (6, 1.0, ANY, False), (10, 1.0, ANY, False)]
 CASES += [(4, 1.8, ANY, True), (6, 1.8, ANY, True), (10, 1.8, ANY, True)]
 DRAWS = 200
+COLUMNS = ("pairs", "depths", "lens", "off, median", "worst tenth", "within 3 % / 1.5 deg", "bound", "off / said (RMS)")
+COLUMNS += ("focal", "doubtful")
 MOVES = 20
 
 
@@ -104,10 +106,7 @@ def main() -> None:
     parser.add_argument("--click-px", type=float, default=3.0)
     args = parser.parse_args()
     hand = Hand(args.click_px)
-    print(
-        "| pairs | depths | lens | off, median | worst tenth | within 3 % / 1.5 deg | bound | off / said (RMS) | focal | doubtful |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print(f"| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
     for count, near_and_far, wide_px, guessed in CASES:
         off, said, focal, doubtful, best = [], [], [], [], []
         for seed in range(args.trials):
@@ -123,7 +122,8 @@ def main() -> None:
         ratio = np.sqrt(np.mean((errors / told)[~np.array(doubtful)] ** 2, axis=0))
         within = 100 * float((errors < (3.0, 1.5)).all(axis=1).mean())
         kind = f"{count} | {depths_of(near_and_far, wide_px)} | {'guess' if guessed else 'given'}"
-        found = f"{middle[0]:.1f} % / {middle[1]:.1f} deg | {worst[0]:.1f} % / {worst[1]:.1f} deg | {within:.0f} % | {'' if guessed else f'{100 * np.mean(best):.0f} %'}"
+        found = f"{middle[0]:.1f} % / {middle[1]:.1f} deg | {worst[0]:.1f} % / {worst[1]:.1f} deg | {within:.0f} %"
+        found += " | " if guessed else f" | {100 * np.mean(best):.0f} %"
         lens = f"{np.median(focal):.1f} %" if guessed else ""
         print(f"| {kind} | {found} | {ratio[0]:.1f} / {ratio[1]:.1f} | {lens} | {sum(doubtful)} of {args.trials} |")
     drags(hand)

@@ -73,8 +73,8 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _cameras(path: Path) -> Sequence[Camera]:
-    """The cameras of a file that have a lens, or a pinhole in the middle of a wider one, without those that failed; what is left
-    out or in doubt is said. Raises CameraError where none is left.
+    """The cameras of a file that have a lens, or a pinhole in the middle of a wider one, without those that failed; what
+    is left out or in doubt is said. Raises CameraError where none is left.
     """
     found = starts(path)
     for note in found.notes:
