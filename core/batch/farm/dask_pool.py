@@ -53,6 +53,11 @@ class _UnderWay:
     def again(self, index: int) -> None:
         self.todo.appendleft((index, self.tasks[index]))
 
+    def all_again(self) -> None:
+        for index in sorted(self.flying, reverse=True):
+            del self.flying[index]
+            self.again(index)
+
 
 class DaskPool:
     """As `processes.pool.Pool`, over the workers of a Dask scheduler, or of one that is started here with `workers` of them."""
@@ -70,6 +75,7 @@ class DaskPool:
         self._said: set[str] = set()
         self._cluster: LocalCluster | None = None
         self._client: Client
+        self._connection: Any = None
 
     def __enter__(self) -> DaskPool:
         """Raises RefineError when there is no scheduler."""
@@ -135,11 +141,16 @@ class DaskPool:
     def _hand_out(self, work: _UnderWay) -> None:
         usable = self._known - self._left_out.keys()
         while work.todo and len(work.flying) < AHEAD * len(usable):
-            index, task = work.todo.popleft()
+            index, task = work.todo[0]
             key = f"{self._plugin.name}-{index}-{secrets.token_hex(4)}"
             call = pickle.dumps(Call(self._plugin, task))
             where = {"workers": sorted(usable), "allow_other_workers": True}
-            future = self._client.submit(pickle.loads, call, key=key, pure=False, **where)
+            try:
+                future = self._client.submit(pickle.loads, call, key=key, pure=False, **where)
+            except Exception as error:  # noqa: BLE001 - Dask has no kind of its own for a client that was closed meanwhile
+                log.debug("Nothing can be handed out: %s", error)
+                return
+            work.todo.popleft()
             work.flying[index] = future
             future.add_done_callback(lambda ended, index=index: self._ended.put((index, ended)))
 
@@ -164,9 +175,9 @@ class DaskPool:
             return
         self._looked = now
         there = self._workers(work)
-        for address in sorted(there - self._known):
-            self._check(address)
-        self._known = there
+        unsure = there - self._known - self._left_out.keys()
+        self._known = (self._known & there) | {address for address in sorted(unsure) if self._has_engine(address)}
+        there &= self._known | self._left_out.keys()
         away = now - self._seen
         if there - self._left_out.keys():
             self._seen = now
@@ -181,11 +192,13 @@ class DaskPool:
         """The addresses of the workers; none while there is no scheduler, which is looked for again."""
         try:
             if self._client.status == "running":
+                # What was handed out on another connection is lost, or was never heard.
+                if self._client.scheduler_comm is not self._connection:
+                    work.all_again()
+                    self._connection = self._client.scheduler_comm
                 return set(self._client.nthreads())
             self._say_once(f"The Dask scheduler {self._where} is gone; waiting for it. What is finished is kept.")
-            for index in list(work.flying):
-                del work.flying[index]
-                work.again(index)
+            work.all_again()
             if self._client.status == "closed" and self._cluster is None:
                 self._client = Client(self._address, timeout=CONNECT_S, set_as_default=False)
                 self._said.clear()
@@ -202,11 +215,17 @@ class DaskPool:
             self._said.add(sentence)
             log.warning("%s", sentence)
 
-    def _check(self, address: str) -> None:
-        """Leaves out a worker on which the engine is not installed."""
-        found = self._client.run(pkgutil.get_data, PACKAGE, PART, workers=[address], on_error="return").get(address)
-        if not isinstance(found, bytes):
+    def _has_engine(self, address: str) -> bool:
+        """Whether the engine is installed on a worker; one on which it is not is left out. False also where no answer came."""
+        try:
+            found = self._client.run(pkgutil.get_data, PACKAGE, PART, workers=[address], on_error="return")
+        except (OSError, RuntimeError, CancelledError, TimeoutError) as error:
+            log.debug("No answer from the worker at %s: %s", address, error)
+            return False
+        answer = found.get(address, ConnectionError())
+        if answer is None or isinstance(answer, ImportError | FileNotFoundError):
             self._leave_out(address, "has no GS-SMC; start it in the checkout's folder, or with that on its PYTHONPATH")
+        return isinstance(answer, bytes)
 
     def _leave_out(self, address: str, words: str) -> None:
         if address not in self._left_out:
