@@ -1,4 +1,4 @@
-"""The templates of examples/farm: each is what its scheduler takes, and the commands that it makes do a batch in shards."""
+"""The templates of examples/farm: each is what its scheduler takes, and its commands are what the engine takes."""
 
 import importlib.util
 import json
@@ -10,14 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from cli_place import Place
 
 from core.cli.main import build_parser
 
 pytestmark = pytest.mark.process
 REPO = Path(__file__).parents[3]
 FARM = REPO / "examples" / "farm"
-ENGINE = f"{shlex.quote(sys.executable)} -m core"
 # What Flamenco gives a job type: https://flamenco.blender.org/usage/job-types/
 FLAMENCO = """
 const author = {
@@ -28,18 +26,16 @@ const author = {
 """
 
 
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    """A scan, and queries whose photos are nowhere, so that each costs its worker's start alone."""
-    found = Place(tmp_path_factory.mktemp("farm"), photos=1, gaussians=500)
-    frame = json.loads(Path(found.json(found.folder / "one.json", found.starts)).read_text())
-    frames = [{**frame, "file": f"{k}.jpg"} for k in range(3)]
-    (found.folder / "queries.json").write_text(json.dumps({"frames": frames}))
-    return found
+@pytest.fixture
+def recorder(tmp_path):
+    """How a program is called that stands for the engine, and what gives the calls that it got, as the engine parses them."""
+    said, script = tmp_path / "calls.jsonl", tmp_path / "recorder.py"
+    script.write_text(f"import json, sys; open({str(said)!r}, 'a').write(json.dumps(sys.argv[1:]) + chr(10))")
 
+    def calls():
+        return [build_parser().parse_args(json.loads(line)) for line in said.read_text().splitlines()]
 
-def results(path):
-    return [frame["file"] for frame in json.loads(path.read_text())["frames"]]
+    return f"{shlex.quote(sys.executable)} {shlex.quote(str(script))}", calls
 
 
 def flamenco(**settings):
@@ -95,18 +91,20 @@ def test_the_flamenco_job_makes_no_map_that_nobody_needs_and_refuses_no_shards()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a shell script")
-def test_the_slurm_array_does_a_batch_in_shards(place, tmp_path):
-    script = FARM / "slurm.sh"
+def test_the_slurm_array_makes_commands_that_the_engine_takes(recorder, tmp_path):
+    script, (program, calls) = FARM / "slurm.sh", recorder
     assert subprocess.run(["bash", "-n", script], check=False).returncode == 0
-    files = {"SCAN": str(place.scene), "QUERIES": str(place.folder / "queries.json"), "RESULTS": str(tmp_path / "r.json")}
-    environment = {**os.environ, **files, "SHARDS": "2", "GSSMC": ENGINE, "PYTHONPATH": str(REPO)}
+    files = {"SCAN": "s p.ply", "QUERIES": "q.json", "RESULTS": str(tmp_path / "r.json")}
+    environment = {**os.environ, **files, "SHARDS": "2", "GSSMC": program}
     lacking = subprocess.run(["bash", script], env=environment, capture_output=True, text=True, check=False)
     assert lacking.returncode != 0 and "sbatch --array=1-2" in lacking.stderr
     for task in ("1", "2"):
-        one = {**environment, "SLURM_ARRAY_TASK_ID": task, "SLURM_CPUS_PER_TASK": "1"}
+        one = {**environment, "SLURM_ARRAY_TASK_ID": task, "SLURM_CPUS_PER_TASK": "3"}
         subprocess.run(["bash", script, "--no-locate"], env=one, check=True, capture_output=True)
-    subprocess.run([*shlex.split(ENGINE), "merge", "--out", files["RESULTS"], "--exit-zero"], env=environment, check=True)
-    assert results(tmp_path / "r.json") == ["0.jpg", "1.jpg", "2.jpg"]
+    assert [(args.command, args.shard, args.workers, args.locate, args.exit_zero) for args in calls()] == [
+        ("batch", f"{task}/2", 3, False, True) for task in (1, 2)
+    ]
+    assert {(str(args.scene), str(args.queries), str(args.out)) for args in calls()} == {tuple(files.values())}
 
 
 def has_openjd():
@@ -117,20 +115,17 @@ def has_openjd():
 
 
 @pytest.mark.skipif(not has_openjd(), reason="openjd-cli, which checks the template, is not installed")
-def test_the_openjd_template_is_valid_and_makes_commands_that_the_engine_takes(tmp_path):
-    template, said = FARM / "openjd.yaml", tmp_path / "calls.jsonl"
+def test_the_openjd_template_is_valid_and_makes_commands_that_the_engine_takes(recorder, tmp_path):
+    template, (program, calls) = FARM / "openjd.yaml", recorder
     openjd = [sys.executable, "-m", "openjd"]
     checked = subprocess.run([*openjd, "check", template], capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout
-    recorder = tmp_path / "recorder.py"
-    recorder.write_text(f"import json, sys; open({str(said)!r}, 'a').write(json.dumps(sys.argv[1:]) + chr(10))")
-    program = f"{shlex.quote(sys.executable)} {shlex.quote(str(recorder))}"
     given = {"Scan": tmp_path / "s p.ply", "Photos": tmp_path / "photos", "ResultsFolder": tmp_path, "Program": program}
     more = {"Shards": 3, "Options": "--lens focal --preset 7scenes"}
     parameters = [word for name, value in (given | more).items() for word in ("-p", f"{name}={value}")]
     done = subprocess.run([*openjd, "run", template, *parameters], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:]
-    parsed = [build_parser().parse_args(json.loads(line)) for line in said.read_text().splitlines()]
+    parsed = calls()
     assert [args.command for args in parsed] == ["map", "batch", "batch", "batch", "merge"]
     for number, args in enumerate(parsed[1:4], 1):
         assert (args.shard, args.exit_zero, args.lens) == (f"{number}/3", True, "focal")
