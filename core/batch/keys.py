@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from ..geometry.camera import Camera
 from ..pose.settings import RefineSettings
 from ..splats import scan_files
 
-KEY_VERSION = 5  # to be raised when the same input gets other answers, or records another form
+KEY_VERSION = 6  # to be raised when the same input gets other answers, or records another form
 BLOCKS, BLOCK_BYTES = 64, 1 << 16  # of a scan, which may have gigabytes
 
 Stamp = tuple[int, int] | None
@@ -37,27 +37,39 @@ class Refused:
 
 @dataclass(frozen=True)
 class BatchQuery:
-    """A start camera, or what is known of one without a pose, its photo's file, and its mask's where it has one."""
+    """A start camera, or what is known of one without a pose, its photo's file, and its mask's where it has one. `seen`: what
+    the two files were when the query was made, which its key stands for.
+    """
 
     camera: Camera | Unplaced | Refused
     photo: Path
     mask: Path | None = None
+    seen: tuple[Stamp, Stamp] = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "seen", self._stamps())
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether one of the files is another one than when the query was made."""
+        return self._stamps() != self.seen
+
+    def _stamps(self) -> tuple[Stamp, Stamp]:
+        return stamp(self.photo), stamp(self.mask) if self.mask else None
 
 
 def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettings, finding: str = "") -> list[str]:
-    """Per query, the digest of the scan's content, of what the photo and mask are now, of the settings with the model files
-    they name, and of the start. `finding`: a word for how photos are found without a start, "" where they are not. Two equal
-    queries share a key, and then an answer. Raises SplatFormatError.
+    """Per query, the digest of the scan's content, of what photo and mask were when it was made, of the settings with the
+    model files they name, and of the start. `finding`: a word for how photos are found without a start, "" where they are not.
+    Two equal queries share a key, and then an answer. Raises SplatFormatError.
     """
     options = {name: value for name, value in asdict(settings).items() if name != "threads"}
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
-    common = (KEY_VERSION, scan_file_digest(scan), options, models, finding)
-    return [
-        key_of(common, _given(q), str(q.photo), stamp(q.photo), str(q.mask or ""), q.mask and stamp(q.mask)) for q in queries
-    ]
+    common = key_of(KEY_VERSION, scan_file_digest(scan), options, models, finding)  # once, for thousands of photos
+    return [key_of(common, given(q), str(q.photo), q.seen[0], str(q.mask or ""), q.seen[1]) for q in queries]
 
 
-def _given(query: BatchQuery) -> dict[str, Any]:
+def given(query: BatchQuery) -> dict[str, Any]:
     return wanted_to_dict(query.camera.given if isinstance(query.camera, Refused) else query.camera)
 
 
@@ -75,9 +87,10 @@ def stamp(path: Path) -> Stamp:
     return state.st_size, state.st_mtime_ns
 
 
-def scan_file_digest(path: Path) -> str:
-    """Digest of a scan: of each of its files the size, the time of its last change, and BLOCKS blocks spread over its content,
-    both ends among them. Raises SplatFormatError when it cannot be read.
+def scan_file_digest(path: Path, dated: bool = True) -> str:
+    """Digest of a scan: of each of its files the size, the time of its last change (where `dated`: it is another one for a copy
+    of the file), and BLOCKS blocks spread over its content, both ends among them. Raises SplatFormatError when it cannot be
+    read.
 
     A map of the scan is kept under `locate.scan_digest`, of the Gaussians themselves, because Blender has them without a file.
     This one takes some milliseconds whatever the scan's size, where that one needs the whole scan read first: a batch that is
@@ -88,10 +101,18 @@ def scan_file_digest(path: Path) -> str:
         for one in scan_files(path):
             with one.open("rb") as file:
                 size, changed = stamp(one) or (0, 0)
-                digest.update(f"{size} {changed}".encode())
+                digest.update(f"{size} {changed if dated else ''}".encode())
                 for k in range(BLOCKS):
                     file.seek(max(0, size - BLOCK_BYTES) * k // (BLOCKS - 1))
                     digest.update(file.read(BLOCK_BYTES))
     except OSError as error:
         raise SplatFormatError(f"The splat file '{path}' cannot be read ({error.strerror}); check the path.") from error
     return digest.hexdigest()
+
+
+def check_unchanged(scan: Path, digest: str) -> None:
+    """To be called when the scan has been read: raises SplatFormatError where it is not the one of `scan_file_digest` any more,
+    so that nothing is said of it under the name of the other.
+    """
+    if scan_file_digest(scan) != digest:
+        raise SplatFormatError(f"The splat file '{scan.name}' was changed while it was being used; run the command again.")
