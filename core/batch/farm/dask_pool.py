@@ -22,6 +22,7 @@ from distributed import Client, Future, KilledWorker, LocalCluster
 
 from ...errors import RefineError
 from ...processes.pool import Lost, Task
+from .dask_scheduler import why_no_scheduler
 from .dask_worker import Call, ScanPlugin, dask_setup, forget
 from .versions import versions
 
@@ -90,7 +91,7 @@ class DaskPool:
                     dashboard_address=None,
                     silence_logs=logging.CRITICAL,
                 )
-            self._client = Client(self._cluster or self._address, timeout=CONNECT_S, set_as_default=False)
+            self._client = self._connected()
         except (OSError, ValueError, RuntimeError) as error:
             where = "can be started here" if self._address is None else f"answers at '{self._address}'"
             words = " ".join(str(error).split())[:200]
@@ -99,6 +100,12 @@ class DaskPool:
             ) from None
         self._seen = time.monotonic()
         return self
+
+    def _connected(self) -> Client:
+        """A client of the scheduler. Raises OSError, ValueError or RuntimeError where there is none."""
+        if self._cluster is None and self._address is not None and (words := why_no_scheduler(self._address, CONNECT_S)):
+            raise ConnectionError(words)
+        return Client(self._cluster or self._address, timeout=CONNECT_S, set_as_default=False)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         try:
@@ -200,7 +207,7 @@ class DaskPool:
             self._say_once(f"The Dask scheduler {self._where} is gone; waiting for it. What is finished is kept.")
             work.all_again()
             if self._client.status == "closed" and self._cluster is None:
-                self._client = Client(self._address, timeout=CONNECT_S, set_as_default=False)
+                self._client = self._connected()
                 self._said.clear()
         except (OSError, RuntimeError, CancelledError, TimeoutError) as error:
             log.debug("No answer from the scheduler: %s", error)

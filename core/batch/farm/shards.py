@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ...cameras import short
 from ...errors import UsageError
 from ...pose.settings import RefineSettings
 from ...pose.shared_records import OWN, own_record
@@ -38,10 +40,10 @@ class Shard:
     @classmethod
     def parse(cls, text: str) -> Shard:
         """From "2/8". Raises UsageError."""
-        number, slash, count = text.partition("/")
-        if slash and number.strip().isdecimal() and count.strip().isdecimal() and 1 <= int(number) <= int(count):
-            return cls(int(number), int(count))
-        raise UsageError(f"--shard is '{text}'; give the shard and their number, from 1/8 to 8/8 for eight of them.")
+        found = re.fullmatch(r"\s*(\d{1,9})\s*/\s*(\d{1,9})\s*", text)
+        if found and 1 <= int(found[1]) <= int(found[2]):
+            return cls(int(found[1]), int(found[2]))
+        raise UsageError(f"--shard is '{short(text)}'; give the shard and their number, from 1/8 to 8/8 for eight of them.")
 
     def of(self, total: int) -> range:
         """Its share of `total` queries, by their indices: every count-th, so that shards of a list in any order cost alike."""
@@ -119,6 +121,10 @@ def join(paths: Sequence[Path]) -> Joined:
     scan, list of photos or options than the first.
     """
     files = [_normal(path) for path in paths]
+    begun = [path for path in files if _has_just_begun(path)]
+    files = [path for path in files if path not in begun]
+    if not files:
+        raise ResultsError(f"'{begun[0]}' has no finished photo yet, nor has any other shard; wait for the first.")
     told = [_head(path) for path in files]
     for path, head in zip(files, told, strict=True):
         for name, words in COMPARED.items():
@@ -134,6 +140,16 @@ def join(paths: Sequence[Path]) -> Joined:
 
 def _normal(path: Path) -> Path:
     return path.with_name(path.name.removesuffix(".journal"))
+
+
+def _has_just_begun(path: Path) -> bool:
+    """Whether all that there is of the shard is a journal without its first line, which is written with the first photo."""
+    journal = path.with_name(f"{path.name}.journal")
+    if path.exists() or not journal.is_file():
+        return False
+    with journal.open(encoding="utf-8", errors="replace") as lines:
+        line = lines.readline()
+    return is_journal_head(line) and not line.endswith("\n")
 
 
 def _head(path: Path) -> Record:
@@ -196,7 +212,8 @@ def _records(joined: Joined, path: Path) -> Iterator[Record]:
             raise ResultsError(f"'{stored.path}' holds no records of a batch; leave it out.") from None
         if stored.damaged or changed:
             lines = counted(stored.damaged + changed, "line")
-            joined.damage.append(f"'{stored.path}' has {lines} cut short or damaged, which count for nothing.")
+            count = "counts" if stored.damaged + changed == 1 else "count"
+            joined.damage.append(f"'{stored.path}' has {lines} cut short or damaged, which {count} for nothing.")
 
 
 def _answer(record: Record) -> dict[str, Any]:
@@ -206,12 +223,12 @@ def _answer(record: Record) -> dict[str, Any]:
 
 def _name_gaps(joined: Joined, shards: int, there: set[int]) -> None:
     """Says for each shard what is missing of it."""
-    for number in range(1, shards + 1):
+    for number in range(1, min(shards, joined.total) + 1):  # those behind have no photos
         shard = Shard(number, shards)
         lacking = [i for i in shard.of(joined.total) if i not in joined.records]
         joined.missing += len(lacking)
         if lacking and number not in there:
-            joined.gaps.append(f"{shard} ({len(lacking)}), of which there is no file")
+            joined.gaps.append(f"{shard} ({len(lacking)}), of which nothing is finished")
         elif lacking:
             names = ", ".join(f"'{joined.photos[i].name}'" for i in lacking[:3])
             more = f" and {len(lacking) - 3} more" if len(lacking) > 3 else ""

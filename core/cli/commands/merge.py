@@ -8,6 +8,7 @@ from pathlib import Path
 from ...batch.farm.shards import Joined, find_shards, join
 from ...batch.keys import BatchQuery
 from ...batch.store import ResultStore
+from ...cameras.pose_list import checked
 from ...cameras.unplaced import Unplaced
 from ...errors import UsageError
 from ...support.words import counted
@@ -36,6 +37,10 @@ def run(args: argparse.Namespace) -> Outcome:
         raise UsageError(f"No shard lies beside '{args.out}'; give the files that batch --shard has written.")
     check_outputs({"--out": args.out, "--poses": args.poses}, {"a shard": shards})
     joined = join(shards)
+    if args.poses is not None:
+        for record in joined.records.values():  # before anything is written
+            if record["R"] is not None and "error" not in record:
+                checked(record["file"])
     for sentence in (*joined.damage, *joined.conflicts[:LISTED]):
         message(sentence)
     if len(joined.conflicts) > LISTED:

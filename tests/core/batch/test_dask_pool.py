@@ -4,11 +4,12 @@ import itertools
 import json
 import logging
 import os
+import socket
 import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -143,6 +144,40 @@ def test_a_scheduler_that_is_nowhere_is_one_sentence(monkeypatch):
     monkeypatch.setattr(module, "CONNECT_S", 0.5)
     with pytest.raises(RefineError, match=r"^No Dask scheduler answers at 'tcp://127.0.0.1:9' \(.*\); start one with"):
         run(monkeypatch, Starts(WELL), jobs("go"), "tcp://127.0.0.1:9")
+
+
+@pytest.mark.parametrize("wrong", ["", "head", "htp://head:8786", "tcp://head", "tcp://head:port"])
+def test_an_address_that_is_none_is_one_sentence_at_once(monkeypatch, wrong):
+    began = time.monotonic()
+    with pytest.raises(RefineError, match=r"^No Dask scheduler answers at '.*' \(that is no address; give one such as "):
+        run(monkeypatch, Starts(WELL), jobs("go"), wrong)
+    assert time.monotonic() - began < module.CONNECT_S / 2
+
+
+@pytest.mark.parametrize("answer", [None, b"HTTP/1.0 400 Bad Request\r\n\r\n" + 99 * b"x", b"\x08" + 7 * b"\0" + 99 * b"hello"])
+def test_what_listens_and_is_no_scheduler_is_one_sentence(monkeypatch, answer):
+    """A program that says nothing, a web server such as the scheduler's dashboard, and one that says anything."""
+    monkeypatch.setattr(module, "CONNECT_S", 0.5)
+    open_ones = []
+
+    def serve(server):
+        with suppress(OSError):  # the test's end
+            while True:
+                open_ones.append(server.accept()[0])
+                if answer is not None:
+                    open_ones[-1].sendall(answer)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=serve, args=(server,), daemon=True).start()
+        with pytest.raises(RefineError, match=r"what listens there does not answer as a scheduler, whose port is 8786"):
+            run(monkeypatch, Starts(WELL), jobs("go"), f"tcp://127.0.0.1:{server.getsockname()[1]}")
+    for one in open_ones:
+        one.close()
+
+
+def test_the_address_of_a_worker_is_one_sentence(monkeypatch):
+    with cluster(1) as made, pytest.raises(RefineError, match=r"\(what listens there is a worker\)"):
+        run(monkeypatch, Starts(WELL), jobs("go"), made.workers[0].address)
 
 
 def test_a_scheduler_that_ends_and_comes_back_loses_nothing(monkeypatch, caplog):

@@ -67,7 +67,7 @@ def test_a_batch_goes_on_from_joined_shards(place, whole, tmp_path, capsys):
     out = tmp_path / "part.json"
     assert main(["merge", str(whole / "all.shard-1-of-2.json"), "--out", str(out)]) == 3
     said = capsys.readouterr().err
-    assert "1 of 3 photos is missing: shard 2 of 2 (1), of which there is no file." in said
+    assert "1 of 3 photos is missing: shard 2 of 2 (1), of which nothing is finished." in said
     batch(place, out)
     assert "2 of 3 photos were finished before and are kept." in capsys.readouterr().err
     assert timeless(out) == timeless(whole / "one.json")
@@ -80,8 +80,39 @@ def test_a_killed_shard_is_joined_from_its_journal_and_its_gap_is_named(whole, t
     assert main(["merge", "--out", str(tmp_path / "x.json")]) == 3
     told = capsys.readouterr().err
     assert "2 lines cut short or damaged" in told
-    assert "shard 1 of 2 ('photo_0.png')" in told and "shard 2 of 2 (1), of which there is no file" in told
+    assert "shard 1 of 2 ('photo_0.png')" in told and "shard 2 of 2 (1), of which nothing is finished" in told
     assert [f["file"] for f in json.loads((tmp_path / "x.json").read_text())["frames"]] == ["photo_1.png"]
+
+
+@pytest.mark.parametrize("begun", ["", '{"gssmc_jour', '{"gssmc_journal": 1, "shard": {"sha'])
+def test_a_shard_that_has_finished_nothing_yet_keeps_no_other_from_being_joined(whole, tmp_path, capsys, begun):
+    first, second = "x.shard-1-of-2.json", tmp_path / "x.shard-2-of-2.json.journal"
+    (tmp_path / first).write_text((whole / "all.shard-1-of-2.json").read_text())
+    second.write_text(begun)
+    assert main(["merge", "--out", str(tmp_path / "x.json")]) == 3
+    assert "1 of 3 photos is missing: shard 2 of 2 (1), of which nothing is finished." in capsys.readouterr().err
+    assert len(json.loads((tmp_path / "x.json").read_text())["frames"]) == 2
+    assert second.read_text() == begun
+    (tmp_path / first).unlink()
+    with pytest.raises(ResultsError, match=r"has no finished photo yet, nor has any other shard; wait for the first\.$"):
+        join(find_shards(tmp_path / "x.json"))
+
+
+def test_a_name_that_no_pose_list_can_hold_is_told_before_anything_is_written(whole, tmp_path, capsys):
+    shard = tmp_path / "x.shard-1-of-2.json"
+    head, *lines = (whole / "all.shard-1-of-2.json").read_text().splitlines(keepends=True)
+    renamed = sealed(json.loads(lines[1]) | {"file": "photo 1.png"})
+    shard.write_text(f"{head}{lines[0]}{json.dumps(renamed)}\n]}}\n")
+    assert main(["merge", "--out", str(tmp_path / "x.json"), "--poses", str(tmp_path / "x.txt")]) == 2
+    assert "'photo 1.png' cannot stand in a pose list" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [shard]
+
+
+def test_of_more_shards_than_photos_those_without_one_are_not_asked_for(whole, tmp_path):
+    head, *lines = (whole / "all.shard-1-of-2.json").read_text().splitlines(keepends=True)
+    said = json.loads(head + "]}")["shard"] | {"shards": 10**9}
+    (tmp_path / "a.json").write_text(f'{{"shard": {json.dumps(said)}, "frames": [\n' + "".join(lines))
+    assert join([tmp_path / "a.json"]).gaps == ["shard 2 of 1000000000 (1), of which nothing is finished"]
 
 
 @pytest.mark.parametrize("name", ["scan", "options", "queries", "shards", "shared_lens"])
@@ -122,7 +153,7 @@ def test_shards_have_each_photo_once_and_are_of_one_size():
         assert max(map(len, shares)) - min(map(len, shares)) <= 1
 
 
-@pytest.mark.parametrize("text", ["", "3", "0/3", "4/3", "a/b", "1/0", "-1/2", "1/2/3"])
+@pytest.mark.parametrize("text", ["", "3", "0/3", "4/3", "a/b", "1/0", "-1/2", "1/2/3", f"1/{'9' * 5000}"])
 def test_a_shard_that_is_none_is_one_sentence(text):
     with pytest.raises(UsageError, match="give the shard and their number"):
         Shard.parse(text)
