@@ -24,6 +24,7 @@ from ..pose.shared_records import OWN, own_record
 from ..support.atomic import atomic_write, remove_parts, sync_folder
 from ..support.lock import is_at, open_locked
 from ..support.sealed import sealed
+from ..support.words import counted
 from .lines import HEAD, StoredRecords, heads, is_head, is_journal_head, lines_of
 from .records import Gist, KeptRecords, Record, whole_write
 
@@ -146,13 +147,14 @@ class ResultStore:
                 for index in places[frame["key"]]:
                     self.records.put(index, json.dumps(own) if OWN in frame else text, Gist.of(own))
         if changed:
-            log.warning("%d results in '%s' were changed after they were written, and are made again", len(changed), self._path)
+            be, are = ("was", "is") if len(changed) == 1 else ("were", "are")
+            what = counted(len(changed), "result")
+            log.warning("%s in '%s' %s changed after being written, and %s made again", what, self._path, be, are)
         if others or changed:
             old = self._path.with_name(f"{self._path.name}.old")
             _save(old, HEAD, [*others.values(), *changed, *self._texts()])
-            log.warning(
-                "%d results of other photos or options in '%s' are kept in '%s'", len(others) + len(changed), self._path, old
-            )
+            what, be = counted(len(others) + len(changed), "result"), "is" if len(others) + len(changed) == 1 else "are"
+            log.warning("%s of other photos or options in '%s' %s kept in '%s'", what, self._path, be, old)
         self._changed = self._changed or bool(changed) or os.fstat(self._handle).st_size > 0
         self._compact()
         # Until it is known what is shared now, the results of the earlier run stay as they are.

@@ -58,7 +58,7 @@ def test_core_imports_the_engine_and_its_libraries_alone(path):
         else:
             top = module.split(".")[0]
             assert top not in BLENDER, f"{name(path)} imports {module}"
-            more = FARM if path.name in ("dask_pool.py", "dask_worker.py") else set()
+            more = FARM if path.name in ("dask_pool.py", "dask_scheduler.py", "dask_worker.py") else set()
             assert top in ALLOWED | more | set(sys.stdlib_module_names), f"{name(path)} imports {module}"
 
 

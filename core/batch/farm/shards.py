@@ -108,12 +108,9 @@ class Joined:
 
 def find_shards(out: Path) -> list[Path]:
     """The results files of shards that lie beside `out` under their own names, also where only a journal is there."""
-    names = {path.name.removesuffix(".journal") for path in out.parent.glob(f"{_escaped(out.stem)}.shard-*-of-*")}
-    return sorted(out.with_name(name) for name in names if name.endswith(out.suffix))
-
-
-def _escaped(text: str) -> str:
-    return "".join(f"[{c}]" if c in "*?[" else c for c in text)
+    name = re.compile(rf"({re.escape(out.stem)}\.shard-\d+-of-\d+{re.escape(out.suffix)})(\.journal)?")
+    there = out.parent.iterdir() if out.parent.is_dir() else ()
+    return sorted({out.with_name(found[1]) for path in there if (found := name.fullmatch(path.name))})
 
 
 def join(paths: Sequence[Path]) -> Joined:

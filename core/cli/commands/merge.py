@@ -18,7 +18,7 @@ from ..paths import check_outputs
 from ..result import EXIT_ZERO_HELP, say_endings, write_poses
 from ..sharing import share_lenses
 
-LISTED = 10  # sentences of one kind
+LISTED = 10  # sentences of one kind, and shards
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -52,8 +52,9 @@ def run(args: argparse.Namespace) -> Outcome:
         write_poses(args.poses, store.records)
     code = say_endings(store.records, args.out)
     if joined.missing:
-        be = "is" if joined.missing == 1 else "are"
-        message(f"{joined.missing} of {counted(joined.total, 'photo')} {be} missing: {'; '.join(joined.gaps)}.")
+        be, more = "is" if joined.missing == 1 else "are", len(joined.gaps) - LISTED
+        gaps = "; ".join([*joined.gaps[:LISTED], *([f"and {counted(more, 'more shard')}"] if more > 0 else [])])
+        message(f"{joined.missing} of {counted(joined.total, 'photo')} {be} missing: {gaps}.")
         code = FAILED_VERDICT
     return Outcome(OK if args.exit_zero else code)
 

@@ -281,7 +281,7 @@ def test_a_cut_file_is_mended_by_the_next_run(full):
 def test_a_changed_digit_is_noticed_and_the_photo_tried_again(full, caplog):
     full.write_text(full.read_text().replace('"t": [2, 0.1, 1]', '"t": [2, 0.3, 1]'))
     assert sorted(resumed(full)) == [0, 1, 3]
-    assert "1 results in " in caplog.text and "were changed after they were written" in caplog.text
+    assert "1 result in " in caplog.text and "was changed after being written" in caplog.text
     assert frames(full.with_name("results.json.old"))[0]["t"] == [2, 0.3, 1], "a hand may have changed it on purpose"
 
 

@@ -167,6 +167,28 @@ def test_shards_that_are_nowhere_and_poses_of_one_are_one_sentence(place, tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["r", "r.json", "a [1]*.b.json"])
+def test_only_files_that_are_named_as_shards_are_found(tmp_path, name):
+    out = tmp_path / name
+    shards = [Shard(number, 12).file(out) for number in (1, 11)]
+    for path in (shards[0], shards[1].with_name(f"{shards[1].name}.journal")):
+        path.touch()
+    for path in (out, *(shards[0].with_name(f"{shards[0].name}{more}") for more in (".old", ".x.part", "~"))):
+        path.touch()
+    assert sorted(find_shards(out)) == sorted(shards)
+    assert find_shards(tmp_path / "nowhere" / name) == []
+
+
+def test_of_many_missing_shards_ten_are_named(tmp_path, whole, capsys):
+    head, *lines = (whole / "all.shard-1-of-2.json").read_text().splitlines(keepends=True)
+    said = json.loads(head + "]}")["shard"] | {"shards": 100, "photos": 100}
+    (tmp_path / "a.json").write_text(f'{{"shard": {json.dumps(said)}, "frames": [\n' + "".join(lines))
+    assert main(["merge", str(tmp_path / "a.json"), "--out", str(tmp_path / "r.json")]) == 3
+    told = capsys.readouterr().err
+    assert "98 of 100 photos are missing: shard 2 of 100 (1), of which" in told
+    assert "shard 12 of 100 (1), of which nothing is finished; and 88 more shards." in told and "shard 13" not in told
+
+
 def test_a_lens_is_shared_by_the_photos_of_all_shards(tmp_path, capsys):
     records = [record_of(solved_photo(seed, LENS)) for seed in range(4)]
     keys = [key_of(k) for k in range(4)]
