@@ -167,6 +167,12 @@ def test_shards_that_are_nowhere_and_poses_of_one_are_one_sentence(place, tmp_pa
     assert list(tmp_path.iterdir()) == []
 
 
+def test_exit_zero_is_for_photos_that_failed_and_not_for_those_that_are_missing(whole, tmp_path):
+    shards = [str(whole / f"all.shard-{number}-of-2.json") for number in (1, 2)]
+    assert main(["merge", *shards, "--out", str(tmp_path / "r.json"), "--exit-zero"]) == 0
+    assert main(["merge", shards[0], "--out", str(tmp_path / "s.json"), "--exit-zero"]) == 3
+
+
 @pytest.mark.parametrize("name", ["r", "r.json", "a [1]*.b.json"])
 def test_only_files_that_are_named_as_shards_are_found(tmp_path, name):
     out = tmp_path / name
