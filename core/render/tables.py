@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,14 @@ from numpy.typing import NDArray
 from ..geometry.quaternion import rotations_of
 from ..splats.scene import GaussianScene
 from . import constants as c
+from .blocks import Blocks
 from .color import color_polynomials
+from .order import spatial_order
 
 Float32Array = NDArray[np.float32]
 
 # Rows of the block without those of the colours.
-ROWS = 15
+ROWS = 16
 # Most Gaussians in one item of work: a dozen float32 columns of so many stay in the processor's cache.
 CHUNK = 1 << 15
 
@@ -25,12 +28,13 @@ CUT_MARGIN = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class SceneTables:
-    """N Gaussians of opacity >= 1/255, in file order, one row per quantity.
+    """N Gaussians of opacity >= 1/255, neighbours beside each other (`order.py`), one row per quantity.
 
     origin (3,) float64: added to `means` (3, N) float32 gives world coordinates. body (11, N), gathered at once: row 3 i + j
     is world axis i of scaled Gaussian axis j, then log opacity, then the cut 2 ln(255 opacity), the squared Mahalanobis radius
-    at which alpha is 1/255. reach (N,): sqrt(cut) times the largest scale, scene units. color (K, 3, N): RGB as a polynomial
-    of the unit direction, see `color.py`. All of these are rows of `block` (ROWS + 3 K, N), so that they can lie in one file.
+    at which alpha is 1/255. reach (N,): sqrt(cut) times the largest scale, scene units. rank (N,) int32: the Gaussian's number in
+    the file, which settles who is drawn first of those of one depth. color (K, 3, N): RGB as a polynomial of the unit
+    direction, see `color.py`. All of these are rows of `block` (ROWS + 3 K, N), so that they can lie in one file.
     `antialiased` as in GaussianScene.
     """
 
@@ -52,6 +56,15 @@ class SceneTables:
         return row
 
     @property
+    def rank(self) -> NDArray[np.int32]:
+        return self.block[15].view(np.int32)
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The blocks of neighbours, found at first use."""
+        return Blocks.of(self.means, self.reach)
+
+    @property
     def color(self) -> Float32Array:
         return self.block[ROWS:].reshape((len(self.block) - ROWS) // 3, 3, len(self))
 
@@ -65,6 +78,9 @@ def build_tables(scene: GaussianScene) -> SceneTables:
     n = len(keep)
     means = scene.means[keep]
     origin = np.median(means, axis=0).astype(np.float64) if n else np.zeros(3)
+    means -= origin.astype(np.float32)
+    keep = keep[spatial_order(means)]
+    del means
     tables = SceneTables(origin, np.empty((ROWS + 3 * scene.sh.shape[1], n), np.float32), scene.antialiased)
     for a in range(0, n, CHUNK):
         part = slice(a, a + CHUNK)
@@ -79,4 +95,5 @@ def _fill(tables: SceneTables, scene: GaussianScene, index: NDArray[np.intp], pa
     tables.reach[part] = np.sqrt(cut) * scales.max(axis=1, initial=0.0)
     tables.body[:9, part] = (rotations_of(scene.rotations[index]) * scales[:, None, :]).reshape(-1, 9).T
     tables.body[9, part], tables.body[10, part] = np.log(opacities), cut
+    tables.rank[part] = index
     tables.color[:, :, part] = color_polynomials(scene.sh[index])
