@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.intp]
 
-# Gaussians in a block: a page of each row of the tables.
-BLOCK = 1024
+# Gaussians in a block. In a scan of 120,000 that is seen from inside, blocks of 256 leave half as much to look at as do those
+# of 1024.
+BLOCK = 256
 # The share of a bound by which rounding in float32 may move a Gaussian across it.
 ROUNDING = 1e-5
 

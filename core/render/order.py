@@ -10,10 +10,14 @@ IndexArray = NDArray[np.intp]
 
 # Of the cell's number along each axis; three such numbers make a code.
 AXIS_BITS = 10
+# Of all Gaussians, those that extend farthest.
+WIDE_SHARE = 0.05
 
 
-def spatial_order(places: Float32Array) -> IndexArray:
-    """The order (n,) in which points (n, 3), relative to the middle of a scan, follow a Z curve (Morton, 1966); stable.
+def spatial_order(places: Float32Array, reach: Float32Array) -> IndexArray:
+    """The order (n,) in which Gaussians at the places (n, 3), relative to the middle of a scan, follow a Z curve (Morton, 1966);
+    stable. reach (n,): how far each extends. The widest follow a curve of their own, after all others, because one of them
+    would make the whole block that it lies in reach far.
 
     The curve's cells grow with the distance from the middle: a scan is dense there, and far points are few.
     """
@@ -25,6 +29,8 @@ def spatial_order(places: Float32Array) -> IndexArray:
         low, high = (float(along.min()), float(along.max())) if len(along) else (0.0, 0.0)
         cell = ((along - np.float32(low)) * np.float32(((1 << AXIS_BITS) - 1) / max(high - low, 1e-9))).astype(np.uint32)
         code |= _spread(cell) << np.uint32(axis)
+    if len(places):
+        code |= (reach > np.quantile(reach, 1 - WIDE_SHARE)).astype(np.uint32) << np.uint32(3 * AXIS_BITS)
     return stable_order(code)
 
 

@@ -264,8 +264,11 @@ def depth_order(splats: SplatBuffers, count: int, rank: NDArray[np.int32]) -> In
     same = np.concatenate([[False], z[1:] == z[:-1], [False]])
     tied = np.flatnonzero(same[1:] | same[:-1])
     if len(tied):
-        slots = order[tied]
-        order[tied] = slots[np.lexsort((rank.take(splats.place.take(slots)), z[tied]))]
+        slots = order.take(tied)
+        # One number for each: which group of equal depth it is of, and its rank.
+        key = np.cumsum(~same.take(tied), dtype=np.int64) << 32
+        key |= rank.take(splats.place.take(slots))
+        order[tied] = slots.take(np.argsort(key, kind="stable"))
     return order
 
 

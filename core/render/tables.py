@@ -79,7 +79,7 @@ def build_tables(scene: GaussianScene) -> SceneTables:
     means = scene.means[keep]
     origin = np.median(means, axis=0).astype(np.float64) if n else np.zeros(3)
     means -= origin.astype(np.float32)
-    keep = keep[spatial_order(means)]
+    keep = keep[spatial_order(means, scene.scales[keep].max(axis=1, initial=0.0))]
     del means
     tables = SceneTables(origin, np.empty((ROWS + 3 * scene.sh.shape[1], n), np.float32), scene.antialiased)
     for a in range(0, n, CHUNK):
