@@ -1,4 +1,4 @@
-"""The tables in blocks of neighbours: whole blocks outside of a view are left out before any of their Gaussians is looked at."""
+"""The tables in blocks of neighbours: blocks outside of a view are left out before any of their Gaussians is looked at."""
 
 from __future__ import annotations
 
@@ -70,10 +70,10 @@ class Part:
     def places(self, index: IndexArray) -> IndexArray:
         """Where in the tables the columns `index` of this part stand."""
         if len(self.runs) == 1:
-            return index + self.runs[0].start
+            return np.asarray(index + self.runs[0].start)
         ends = np.cumsum([run.stop - run.start for run in self.runs])
         first = np.array([run.stop for run in self.runs]) - ends
-        return index + first.take(np.searchsorted(ends, index, side="right"))
+        return np.asarray(index + first.take(np.searchsorted(ends, index, side="right")))
 
 
 def parts_of(blocks: IndexArray, count: int, most: int) -> list[Part]:

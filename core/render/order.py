@@ -15,9 +15,9 @@ WIDE_SHARE = 0.05
 
 
 def spatial_order(places: Float32Array, reach: Float32Array) -> IndexArray:
-    """The order (n,) in which Gaussians at the places (n, 3), relative to the middle of a scan, follow a Z curve (Morton, 1966);
-    stable. reach (n,): how far each extends. The widest follow a curve of their own, after all others, because one of them
-    would make the whole block that it lies in reach far.
+    """The order (n,) in which Gaussians at the places (n, 3), relative to the middle of a scan, follow a Z curve (Morton,
+    1966); stable. reach (n,): how far each extends. The widest follow a curve of their own, after all others, because one of
+    them would make the whole block that it lies in reach far.
 
     The curve's cells grow with the distance from the middle: a scan is dense there, and far points are few.
     """

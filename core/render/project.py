@@ -31,7 +31,7 @@ EMPTY_LOG_OPACITY = -120.0
 
 
 class SplatBuffers:
-    """Room for what a view shows of at most N Gaussians: those of a part of the scene lie packed from the start of its slots on.
+    """Room for what a view shows of at most N Gaussians: those of a part of the scene lie packed from its first slot on.
 
     Pixels have the image's top-left corner at 0. The quadratic form of a splat is q = (l1 dx + l2 dy)^2 + (l3 dy)^2.
 

@@ -32,8 +32,8 @@ class SceneTables:
 
     origin (3,) float64: added to `means` (3, N) float32 gives world coordinates. body (11, N), gathered at once: row 3 i + j
     is world axis i of scaled Gaussian axis j, then log opacity, then the cut 2 ln(255 opacity), the squared Mahalanobis radius
-    at which alpha is 1/255. reach (N,): sqrt(cut) times the largest scale, scene units. rank (N,) int32: the Gaussian's number in
-    the file, which settles who is drawn first of those of one depth. color (K, 3, N): RGB as a polynomial of the unit
+    at which alpha is 1/255. reach (N,): sqrt(cut) times the largest scale, scene units. rank (N,) int32: the Gaussian's number
+    in the file, which settles who is drawn first of those of one depth. color (K, 3, N): RGB as a polynomial of the unit
     direction, see `color.py`. All of these are rows of `block` (ROWS + 3 K, N), so that they can lie in one file.
     `antialiased` as in GaussianScene.
     """
@@ -57,7 +57,7 @@ class SceneTables:
 
     @property
     def rank(self) -> NDArray[np.int32]:
-        return self.block[15].view(np.int32)
+        return np.asarray(self.block[15].view(np.int32))
 
     @cached_property
     def blocks(self) -> Blocks:
