@@ -11,6 +11,7 @@ from core.render.blocks import BLOCK, Part, parts_of
 from core.render.order import spatial_order
 from core.render.project import SplatBuffers, ViewProjection, project_part, seen_blocks
 from core.render.tables import SceneTables, build_tables
+from core.splats.scene import GaussianScene
 
 CAMERA = Intrinsics(61, 43, 50.0, 55.0, 28.0, 24.0)
 WORLD = 40_000
