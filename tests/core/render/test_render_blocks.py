@@ -80,10 +80,10 @@ def test_the_widest_stand_behind_all_others() -> None:
 
 def test_the_order_of_the_file_does_not_change_the_picture() -> None:
     means, scales = cloud(3 * BLOCK, seed=5)
-    mixed = np.random.default_rng(1).permutation(len(means))
-    plain, other = (
-        Renderer(make_scene(m, s)).render(CAMERA, Pose()) for m, s in ((means, scales), (means[mixed], scales[mixed]))
-    )
+    scene, mixed = make_scene(means, scales), np.random.default_rng(1).permutation(len(means))
+    arrays = (scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh)
+    other_scene = GaussianScene(*(array[mixed] for array in arrays))
+    plain, other = (Renderer(one).render(CAMERA, Pose()) for one in (scene, other_scene))
     assert plain.alpha.max() > 0.5
     np.testing.assert_allclose(other.depth, plain.depth, atol=1e-4)
     np.testing.assert_allclose(other.alpha, plain.alpha, atol=1e-5)
