@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ..geometry.camera import Intrinsics, Pose
 from ..geometry.conventions import HALF_PIXEL
 from . import constants as c
-from .blocks import ROUNDING, Part
 from .columns import BLEND_COLUMNS, ELLIPSE_COLUMNS, BlendColumn, EllipseColumn
-from .order import stable_order
+from .scan.blocks import ROUNDING, Part
+from .scan.order import stable_order
 from .tables import CUT_MARGIN, SceneTables
 
 Float32Array = NDArray[np.float32]

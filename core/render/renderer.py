@@ -15,10 +15,10 @@ from ..errors import Cancelled
 from ..geometry.camera import Intrinsics, Pose
 from ..splats.scene import GaussianScene
 from .blend import CHANNELS, PIXELS, BlendWork, Scratch, TileBatch, TileImage, blend_tiles
-from .blocks import Part, parts_of
 from .color import colors
 from .columns import BlendColumn
 from .project import TILE, SplatBuffers, ViewProjection, depth_order, project_part, seen_blocks
+from .scan.blocks import Part, parts_of
 from .sharing import ThreadTeam
 from .tables import CHUNK, SceneTables, build_tables
 from .tiles import Order, TileLists, bin_band, join_bands, plan_batches

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from ..geometry.quaternion import rotations_of
 from ..splats.scene import GaussianScene
 from . import constants as c
-from .blocks import Blocks
 from .color import color_polynomials
-from .order import spatial_order
+from .scan.blocks import SceneBlocks
+from .scan.order import spatial_order
 
 Float32Array = NDArray[np.float32]
 
@@ -60,9 +60,9 @@ class SceneTables:
         return np.asarray(self.block[15].view(np.int32))
 
     @cached_property
-    def blocks(self) -> Blocks:
+    def blocks(self) -> SceneBlocks:
         """The blocks of neighbours, found at first use."""
-        return Blocks.of(self.means, self.reach)
+        return SceneBlocks.of(self.means, self.reach)
 
     @property
     def color(self) -> Float32Array:

@@ -7,9 +7,9 @@ from render_scenes import assert_same_view, cloud, make_scene
 from core.geometry.camera import Intrinsics, Pose
 from core.geometry.lie import so3_exp
 from core.render import Renderer, render_reference
-from core.render.blocks import BLOCK, Part, parts_of
-from core.render.order import spatial_order
 from core.render.project import SplatBuffers, ViewProjection, project_part, seen_blocks
+from core.render.scan.blocks import BLOCK, Part, parts_of
+from core.render.scan.order import spatial_order
 from core.render.tables import SceneTables, build_tables
 from core.splats.scene import GaussianScene
 

@@ -20,7 +20,7 @@ ROUNDING = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Blocks:
+class SceneBlocks:
     """Boxes around the means of each BLOCK Gaussians, relative to the tables' origin: middle (3, B), half their sides (3, B),
     scene units; reach (B,): the greatest of the Gaussians in it. The last block may be shorter; count: all Gaussians.
     """
@@ -31,7 +31,7 @@ class Blocks:
     count: int
 
     @classmethod
-    def of(cls, means: NDArray[np.float32], reach: NDArray[np.float32]) -> Blocks:
+    def of(cls, means: NDArray[np.float32], reach: NDArray[np.float32]) -> SceneBlocks:
         """means (3, N), reach (N,)."""
         count = means.shape[1]
         starts = np.arange(0, count, BLOCK)
