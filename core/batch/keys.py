@@ -11,13 +11,11 @@ from typing import Any
 
 from ..cameras.files import StartCamera
 from ..cameras.unplaced import Unplaced, wanted_to_dict
-from ..errors import SplatFormatError
 from ..geometry.camera import Camera
 from ..pose.settings import RefineSettings
-from ..splats import scan_files
+from ..splats.digest import scan_file_digest
 
 KEY_VERSION = 5  # to be raised when the same input gets other answers, or records another form
-BLOCKS, BLOCK_BYTES = 64, 1 << 16  # of a scan, which may have gigabytes
 
 Stamp = tuple[int, int] | None
 
@@ -73,25 +71,3 @@ def stamp(path: Path) -> Stamp:
     except OSError:
         return None
     return state.st_size, state.st_mtime_ns
-
-
-def scan_file_digest(path: Path) -> str:
-    """Digest of a scan: of each of its files the size, the time of its last change, and BLOCKS blocks spread over its content,
-    both ends among them. Raises SplatFormatError when it cannot be read.
-
-    A map of the scan is kept under `locate.scan_digest`, of the Gaussians themselves, because Blender has them without a file.
-    This one takes some milliseconds whatever the scan's size, where that one needs the whole scan read first: a batch that is
-    finished, or whose photos all have starts, need not read it at all in its own process.
-    """
-    digest = hashlib.sha256()
-    try:
-        for one in scan_files(path):
-            with one.open("rb") as file:
-                size, changed = stamp(one) or (0, 0)
-                digest.update(f"{size} {changed}".encode())
-                for k in range(BLOCKS):
-                    file.seek(max(0, size - BLOCK_BYTES) * k // (BLOCKS - 1))
-                    digest.update(file.read(BLOCK_BYTES))
-    except OSError as error:
-        raise SplatFormatError(f"The splat file '{path}' cannot be read ({error.strerror}); check the path.") from error
-    return digest.hexdigest()

@@ -26,6 +26,14 @@ CHUNK = 1 << 15
 CUT_MARGIN = 2e-3
 
 
+@dataclass(frozen=True)
+class TablesFile:
+    """A file that holds the block of tables from the byte `offset` on, which is a multiple of a page."""
+
+    path: str
+    offset: int
+
+
 @dataclass(frozen=True, eq=False)
 class SceneTables:
     """N Gaussians of opacity >= 1/255, neighbours beside each other (`order.py`), one row per quantity.
@@ -35,12 +43,13 @@ class SceneTables:
     at which alpha is 1/255. reach (N,): sqrt(cut) times the largest scale, scene units. rank (N,) int32: the Gaussian's number
     in the file, which settles who is drawn first of those of one depth. color (K, 3, N): RGB as a polynomial of the unit
     direction, see `color.py`. All of these are rows of `block` (ROWS + 3 K, N), so that they can lie in one file.
-    `antialiased` as in GaussianScene.
+    `antialiased` as in GaussianScene. `file`: where other processes can map the block, if it lies in a file.
     """
 
     origin: NDArray[np.float64]
     block: Float32Array
     antialiased: bool = False
+    file: TablesFile | None = None
 
     @property
     def means(self) -> Float32Array:
@@ -96,4 +105,4 @@ def _fill(tables: SceneTables, scene: GaussianScene, index: NDArray[np.intp], pa
     tables.body[:9, part] = (rotations_of(scene.rotations[index]) * scales[:, None, :]).reshape(-1, 9).T
     tables.body[9, part], tables.body[10, part] = np.log(opacities), cut
     tables.rank[part] = index
-    tables.color[:, :, part] = color_polynomials(scene.sh[index])
+    tables.color[:, :, part] = color_polynomials(scene.sh.take(index, axis=0))

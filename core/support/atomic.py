@@ -17,11 +17,12 @@ PART = ".part"
 
 
 @contextmanager
-def atomic_write(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
+def atomic_write(path: str | Path, mode: str = "w", lasting: bool = True) -> Iterator[IO[Any]]:
     """A file to write to, which takes the place of `path` when the block ends well and vanishes when it does not.
 
     `mode` is "w" (UTF-8 text) or "wb". A link stays one, and the file that it leads to is replaced; an old file's permissions
-    stay, a new file gets the usual ones. OSError passes through.
+    stay, a new file gets the usual ones. OSError passes through. `lasting` False: after a loss of power the file may be
+    neither the old one nor the new one; for large files that whoever reads them checks.
     """
     target = Path(os.path.realpath(path))
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -32,7 +33,8 @@ def atomic_write(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
         with os.fdopen(handle, mode, encoding=None if "b" in mode else "utf-8") as file:
             yield file
             file.flush()
-            os.fsync(file.fileno())
+            if lasting:
+                os.fsync(file.fileno())
         with contextlib.suppress(FileNotFoundError):
             os.chmod(part, stat.S_IMODE(target.stat().st_mode))
         os.replace(part, target)
