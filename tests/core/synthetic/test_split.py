@@ -25,9 +25,9 @@ def test_a_split_scan_looks_as_before(room, parts):
     error = 255 * np.abs(drawn.color - plain.color).max(axis=2)
     middle, most = (float(value) for value in np.quantile(error, (0.5, 0.99)))
     assert middle < 8, "of 255"
-    assert most < 50, "of 255"
+    assert most < 70, "of 255"
     assert float(np.abs(drawn.alpha - plain.alpha).mean()) < 0.02
-    assert float(np.median(np.abs(drawn.depth / plain.depth - 1))) < 0.002
+    assert float(np.median(np.abs(drawn.depth / plain.depth - 1))) < 0.01
 
 
 def test_parts_are_smaller_and_lie_around_their_one(room):
