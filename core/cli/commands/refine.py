@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,8 @@ from ...pose.refine import iterate_refinement
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...pose.settings import RefineSettings
-from ...render import ProcessRenderer, RenderSettings
+from ...render import ProcessRenderer
+from ...render.scan.opening import open_scan
 from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
 from ...support.steps import run_to_end
@@ -84,11 +87,13 @@ def run(args: argparse.Namespace) -> Outcome:
     wanted = wanted_camera(told, photo)
     if args.stmap is not None:
         wanted = straight(wanted)
-    scene = read_splats(args.scene)
-    say_dropped(scene)
-    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+    scan = open_scan(args.scene)
+    scene = scan.sample
+    say_dropped(scene, scan.count)
+    with ProcessRenderer(scan.tables, scan.settings(settings.threads)) as renderer:
         if args.pins is None:
-            placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
+            placing = Placing(renderer, scene, settings, flags if args.locate else None, partial(read_splats, args.scene))
+            placed = placing.place(photo, wanted, args.axes)
         else:
             pinned = Pinning(renderer, scene, args.axes).place(photo, wanted, args.pins, "auto")
             placed = refined_pins(renderer, photo, pinned, settings)
@@ -125,9 +130,17 @@ class Placed:
 class Placing:
     """Places photos in one scan: from their start, and where that fails or there is none, without it."""
 
-    def __init__(self, renderer: ViewRenderer, scene: GaussianScene, settings: RefineSettings, flags: MapFlags | None) -> None:
-        """`flags` None: photos are not searched for."""
+    def __init__(
+        self,
+        renderer: ViewRenderer,
+        scene: GaussianScene,
+        settings: RefineSettings,
+        flags: MapFlags | None,
+        whole: Callable[[], GaussianScene] | None = None,
+    ) -> None:
+        """`flags` None: photos are not searched for. `whole`: reads the scan, of which `scene` has some Gaussians then."""
         self._renderer, self._scene, self._settings, self._flags = renderer, scene, settings, flags
+        self._whole = whole or (lambda: scene)
 
     def place(self, photo: Photo, wanted: Camera | Unplaced, axes: Axes = "auto") -> Placed:
         """The end, in the coordinates of the scan's file; `axes`: those of a start."""
@@ -156,7 +169,7 @@ class Placing:
     def _find(self, photo: Photo, wanted: Unplaced) -> Placed:
         assert self._flags is not None
         target = find_target(photo, wanted)
-        found = find_with_progress(self._renderer, target, self._flags.cache(self._scene), self._settings)
+        found = find_with_progress(self._renderer, target, self._flags.cache(self._whole()), self._settings)
         found = whole_found(photo, found, wanted)
         if found.camera is None or found.refined is None:
             return Placed(found_to_dict(found, wanted), None)

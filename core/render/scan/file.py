@@ -23,7 +23,7 @@ from ..view import RenderSettings
 
 Float32Array = NDArray[np.float32]
 
-FORMAT, VERSION = "gssmc-scan", 1
+FORMAT, VERSION = "gssmc-scan", 2
 HEAD_BYTES = 1 << 16
 # So many of the Gaussians, or up to twice as many, are kept as they are in the file.
 SAMPLE = 20_000
@@ -38,12 +38,14 @@ class PreparedFileError(GssmcError):
 
 @dataclass(frozen=True, eq=False)
 class PreparedScan:
-    """A scan for drawing. tables: what the renderer takes; near: the near plane that fits the scan, scene units; sample: evenly
-    chosen Gaussians without view-dependent colour, with all that is said of the scan itself (origin, format, dropped, ...).
+    """A scan for drawing. tables: what the renderer takes; near: the near plane that fits the scan, scene units; count: its
+    Gaussians; sample: evenly chosen ones of them without view-dependent colour, with all that is said of the scan itself
+    (origin, format, dropped, ...).
     """
 
     tables: SceneTables
     near: float
+    count: int
     sample: GaussianScene
 
     @classmethod
@@ -54,7 +56,7 @@ class PreparedScan:
         facts = {name: getattr(scene, name) for name in SCENE_FACTS}
         m, s, r, o, h = (np.ascontiguousarray(part[every]) for part in parts)
         sample = GaussianScene(m, s, r, o, h, **facts)
-        return cls(build_tables(scene), RenderSettings.for_scene(scene).near, sample)
+        return cls(build_tables(scene), RenderSettings.for_scene(scene).near, len(scene), sample)
 
     def settings(self, threads: int = 0) -> RenderSettings:
         """As `RenderSettings.for_scene` of the whole scan."""
@@ -72,6 +74,7 @@ def write_prepared(file: IO[bytes], key: str, scan: PreparedScan) -> None:
         "sampled": sample.shape,
         "origin": scan.tables.origin.tolist(),
         "near": scan.near,
+        "count": scan.count,
         "sums": [_sum(block.ravel()), _sum(sample.ravel())],
         "facts": {name: getattr(scan.sample, name) for name in SCENE_FACTS},
     }
@@ -97,7 +100,8 @@ def read_prepared(path: Path, key: str) -> PreparedScan:
     sample = np.frombuffer(mapped, np.float32, offset=HEAD_BYTES + block.nbytes).reshape(sampled)
     facts = {**head["facts"], "origin": tuple(head["facts"]["origin"])}
     origin, place = np.array(head["origin"]), TablesFile(str(path), HEAD_BYTES)
-    return PreparedScan(SceneTables(origin, block, facts["antialiased"], place), head["near"], _unpacked(sample, facts))
+    tables = SceneTables(origin, block, facts["antialiased"], place)
+    return PreparedScan(tables, head["near"], head["count"], _unpacked(sample, facts))
 
 
 def _line(head: dict[str, Any]) -> bytes:
