@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import sph_harm_y
 
 from ..geometry.camera import FloatArray
 from ..geometry.conventions import Orientation, Similarity
@@ -55,6 +54,9 @@ def _harmonics(directions: FloatArray, degree: int) -> FloatArray:
     """Real spherical harmonics (n, 2 degree + 1) in INRIA's order and signs: the imaginary and real parts of the complex ones,
     whose sign (-1)^m (Condon and Shortley's) it kept.
     """
+    # Imported here, because it takes as long as all else that a process for drawing imports, which turns no harmonics.
+    from scipy.special import sph_harm_y
+
     x, y, z = directions.T
     polar, azimuth = np.arccos(np.clip(z, -1, 1)), np.arctan2(y, x)
     of_order = [np.asarray(sph_harm_y(degree, order, polar, azimuth)) for order in range(degree + 1)]

@@ -47,12 +47,13 @@ def daylight(rng: np.random.Generator, points: FloatArray, normals: FloatArray, 
 
 def _blocked(start: FloatArray, way: FloatArray, boxes: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Whether the segment start .. start + way (N, 3) passes through any box: the slab test."""
-    with np.errstate(divide="ignore"):
-        inverse = 1 / np.where(np.abs(way) < 1e-12, 1e-12, way)
-    out = np.zeros(len(start), bool)
+    # One row an axis: numpy reduces over long rows many times faster than over many rows of three.
+    start, way = np.ascontiguousarray(start.T), np.ascontiguousarray(way.T)
+    inverse = 1 / np.where(np.abs(way) < 1e-12, 1e-12, way)
+    out = np.zeros(start.shape[1], bool)
     for low, high in boxes:
-        a, b = (low - start) * inverse, (high - start) * inverse
-        enter, leave = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+        a, b = (low[:, None] - start) * inverse, (high[:, None] - start) * inverse
+        enter, leave = np.minimum(a, b).max(axis=0), np.maximum(a, b).min(axis=0)
         out |= (enter < leave) & (leave > 0) & (enter < 1)
     return out
 

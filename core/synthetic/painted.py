@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..geometry.camera import FloatArray
 from ..splats.scene import GaussianScene
@@ -23,6 +22,8 @@ def joined(parts: Sequence[Surfels]) -> Surfels:
 
 def painted_scene(rng: Rng, made: Surfels, shade: FloatArray) -> GaussianScene:
     """The scan of the surfels. The third axis is the side that is seen; `shade` (N,): brightness factor."""
+    from scipy.spatial.transform import Rotation  # here, because every process imports this module and few paint
+
     colors = np.clip(made.colors * shade[:, None], 0.01, 0.99)
     n = len(colors)
     sh = np.zeros((n, 4, 3), np.float32)

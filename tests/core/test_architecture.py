@@ -1,6 +1,7 @@
 """The house rules that a reader cannot be asked to check by eye: who imports whom, and who may print."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -16,9 +17,15 @@ def name(path):
     return path.relative_to(REPO).as_posix()
 
 
+@cache
+def nodes(path):
+    """All nodes of a file's syntax tree, which every rule goes through."""
+    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 def imports(path):
     """(level, dotted module, names) of every import statement, wherever it stands in the file."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from ((0, alias.name, []) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -56,7 +63,7 @@ def test_core_imports_the_engine_and_its_libraries_alone(path):
 @pytest.mark.parametrize("path", CORE, ids=name)
 def test_core_loads_nothing_of_blender_by_name(path):
     """importlib and __import__ take strings, which an import statement's walk does not see."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Call) and ast.unparse(node.func) in ("__import__", "importlib.import_module", "import_module"):
             assert not any(isinstance(a, ast.Constant) and str(a.value).split(".")[0] in BLENDER for a in node.args)
 
@@ -64,7 +71,7 @@ def test_core_loads_nothing_of_blender_by_name(path):
 @pytest.mark.parametrize("path", CORE, ids=name)
 def test_the_engine_prints_nowhere(path):
     """The command line speaks through core/cli/console.py, everything else logs."""
-    calls = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
+    calls = [n for n in nodes(path) if isinstance(n, ast.Call)]
     assert not [c.lineno for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"]
 
 
@@ -89,7 +96,7 @@ def test_the_addon_does_not_know_the_operators(path):
 def test_modules_stay_under_300_lines_and_functions_under_40(path):
     text = path.read_text(encoding="utf-8")
     assert text.count("\n") < 300
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes(path):
         if isinstance(node, ast.FunctionDef):
             body = node.body[1:] if ast.get_docstring(node) else node.body
             lines = (node.end_lineno or 0) - body[0].lineno + 1 if body else 0
@@ -168,7 +175,7 @@ def test_folders_stay_under_sixteen_modules():
 def definitions(kind):
     """(path, node) of every class or function of the engine and the Blender side."""
     for path in [*CORE, *BLENDER_SIDE]:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes(path):
             if isinstance(node, kind):
                 yield path, node
 

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ...features.matchers.nearest import MutualNearest
 from ...geometry.camera import FloatArray, Pose
 from .candidates import Viewpoint
 from .eye import Eye, RenderedFeatures, facing, square_camera
 from .panorama import facing_log
-from .surface import Surface
+from .surface import Surface, neighbour_tree
 
 SCOUT_PX = 96
 BASELINE = 0.12  # between the two eyes, of the depth
@@ -47,7 +46,7 @@ class Scout:
 
     def __init__(self, eye: Eye, surface: Surface) -> None:
         self._eye, self._surface = eye, surface
-        self._tree = cKDTree(surface.points)
+        self._tree = neighbour_tree(surface.points)
         self._camera = square_camera(SCOUT_PX)
 
     def sight(self, viewpoint: Viewpoint) -> Sight | None:

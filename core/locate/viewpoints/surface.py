@@ -11,14 +11,17 @@ in the space that photographs crossed. Large Gaussians stand behind, where no ph
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from ...geometry.camera import FloatArray
 from ...render.constants import SH_C0
 from ...splats.scene import GaussianScene
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Float32Array = NDArray[np.float32]
 
@@ -57,14 +60,22 @@ def sample_surface(scene: GaussianScene, count: int, rng: np.random.Generator) -
     scales = np.sort(scene.scales[pick], axis=1)
     area = np.pi * scales[:, 2] * scales[:, 1] * scene.opacities[pick] * (len(opaque) / len(pick))
     near_ones = _draw(opaque, LARGEST_TREE, rng)
-    tree = cKDTree(scene.means[near_ones])
+    tree = neighbour_tree(scene.means[near_ones])
     points = scene.means[pick]
     near = near_ones[_nearest(tree, points, WIDTH_NEIGHBOURS)]
     width = np.median(scene.scales[near].max(axis=2), axis=1)
     haze = _draw(np.flatnonzero(scene.opacities < MAX_HAZE), LARGEST_TREE, rng)
     signs = _signs(scene, points[:SIGN_POINTS], near_ones[_nearest(tree, points[:SIGN_POINTS], SIGN_NEIGHBOURS)], haze)
-    smooth = signs[_nearest(cKDTree(points[:SIGN_POINTS]), points, SMOOTH_NEIGHBOURS)].mean(axis=1)
+    smooth = signs[_nearest(neighbour_tree(points[:SIGN_POINTS]), points, SMOOTH_NEIGHBOURS)].mean(axis=1)
     return Surface(points, np.maximum(width, 1e-9).astype(np.float32), area.astype(np.float32), smooth.astype(np.float32))
+
+
+def neighbour_tree(points: FloatArray | Float32Array) -> cKDTree:
+    """A tree of points (N, 3) that answers which are nearest to a place."""
+    # SciPy's part is imported here, because it takes half of a command's start, and few commands look for neighbours.
+    from scipy.spatial import cKDTree
+
+    return cKDTree(points)
 
 
 def _draw(index: NDArray[np.intp], count: int, rng: np.random.Generator) -> NDArray[np.intp]:
@@ -91,7 +102,7 @@ def _signs(scene: GaussianScene, points: Float32Array, near: NDArray[np.intp], h
         towards = scene.sh[near][:, :, [3, 1, 2]] * np.array([1, 1, -1], np.float32)[:, None]
         signs += _unit(np.einsum("nkic,nkc->ni", towards, contrast))
     if len(haze):
-        to_haze = scene.means[haze[_nearest(cKDTree(scene.means[haze]), points, HAZE_NEIGHBOURS)]] - points[:, None]
+        to_haze = scene.means[haze[_nearest(neighbour_tree(scene.means[haze]), points, HAZE_NEIGHBOURS)]] - points[:, None]
         length = np.linalg.norm(to_haze, axis=2, keepdims=True)
         signs += _unit((to_haze / np.maximum(length, 1e-12)).sum(axis=1))
     return np.asarray(signs / 3)

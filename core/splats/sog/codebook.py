@@ -6,7 +6,6 @@ import warnings
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.vq import kmeans2, vq
 
 from ..scene import Float32Array
 
@@ -57,7 +56,7 @@ def palette(vectors: Float32Array) -> tuple[Float32Array, NDArray[np.uint16]]:
         return vectors, np.arange(len(vectors), dtype=np.uint16)
     sample = vectors[:: max(1, len(vectors) // GROUP_SAMPLE)]
     centres = _centres(sample, sample[np.linspace(0, len(sample) - 1, GROUPS).astype(np.intp)], GROUP_ITERATIONS)
-    group, _ = vq(vectors, centres)
+    group = _nearest(vectors, centres)
     entries: list[Float32Array] = []
     labels = np.zeros(len(vectors), np.uint16)
     filled = 0
@@ -78,12 +77,21 @@ def _share(vectors: Float32Array, count: int) -> tuple[Float32Array, NDArray[np.
         return vectors, np.arange(len(vectors))
     start = vectors[np.linspace(0, len(vectors) - 1, count).astype(np.intp)]
     found = _centres(vectors, start, 1)
-    label, _ = vq(vectors, found)
-    return found, label
+    return found, _nearest(vectors, found)
+
+
+def _nearest(vectors: Float32Array, centres: Float32Array) -> NDArray[np.intp]:
+    """Which of the centres (M, D) is nearest to each of the vectors (N, D)."""
+    # SciPy's part is imported here, because every command imports this module and only a conversion makes palettes.
+    from scipy.cluster.vq import vq
+
+    return np.asarray(vq(vectors, centres)[0], np.intp)
 
 
 def _centres(vectors: Float32Array, start: Float32Array, iterations: int) -> Float32Array:
     """K-means from `start`. A centre that nothing is nearest to stays where it is, of which SciPy warns."""
+    from scipy.cluster.vq import kmeans2
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         found, _ = kmeans2(vectors, start, iter=iterations, minit="matrix")

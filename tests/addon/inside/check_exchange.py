@@ -110,14 +110,20 @@ def test_an_exported_json_tells_verdicts_and_guesses(bpy, extension, scene, tmp_
     assert (record["width"], record["height"]) == (60, 90)
 
 
-@pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
-def test_an_exported_photo_is_its_own_file_at_its_own_size(bpy, extension, scene, tmp_path, kind):
+@pytest.fixture(scope="module")
+def odd_photos(tmp_path_factory):
     """Of a photo that EXIF turns Blender holds a turned copy, of a very large one a smaller copy."""
-    write_photo(tmp_path / "turned.jpg", 60, 90, orientation=6)
-    write_photo(tmp_path / "large.jpg", 5200, 6800)
-    write_photo(tmp_path / "both.jpg", 6800, 5200, orientation=8)
+    folder = tmp_path_factory.mktemp("odd")
+    write_photo(folder / "turned.jpg", 60, 90, orientation=6)
+    write_photo(folder / "large.jpg", 5200, 6800)
+    write_photo(folder / "both.jpg", 6800, 5200, orientation=8)
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["JSON", "NERFSTUDIO", "COLMAP"])
+def test_an_exported_photo_is_its_own_file_at_its_own_size(bpy, extension, scene, odd_photos, tmp_path, kind):
     for name in ("turned", "large", "both"):
-        bpy.ops.gssmc.add_photo(filepath=str(tmp_path / f"{name}.jpg"), camera="NEW")
+        bpy.ops.gssmc.add_photo(filepath=str(odd_photos / f"{name}.jpg"), camera="NEW")
     out = tmp_path / ("model" if kind == "COLMAP" else "out.json")
     assert bpy.ops.gssmc.export_cameras(filepath=str(out), format=kind) == {"FINISHED"}
     found = {item.camera.file: item for item in read_to_end(extension, out, tmp_path)}

@@ -282,7 +282,7 @@ def test_a_photo_of_another_place_is_tried_a_few_times_and_says_so(bpy, listed, 
     own.photos[0].camera.data.gssmc.photo.filepath = other
     before = matrices(listed)["p0"]
     own.map_views = 4
-    settings = extension("core.pose.settings").RefineSettings(**rooms.QUICK)
+    settings = extension("core.pose.settings").RefineSettings(**{**rooms.QUICK, "iterations": 1})
     job = extension("gssmc_addon.photo.queue").queue(listed, "ALL", settings)
     seen = watched(job)
     assert job.verdicts == {"trusted": 2, "failed": 1}
