@@ -30,7 +30,7 @@ SWITCH, OFF = "GSSMC_SCAN_CACHE", "off"
 SUFFIX, LOCK = ".gssmc-scan", ".lock"
 # Smaller scans are read in a second or two, and no process misses the memory.
 LEAST_BYTES = 100_000_000
-LIMIT_BYTES = 20_000_000_000
+LIMIT_BYTES = 10_000_000_000
 # What is left free on the disk.
 SPARE_BYTES = 2_000_000_000
 # How long another process may take to prepare a scan, and how often it is looked after.
