@@ -13,7 +13,9 @@ from ..cameras.files import StartCamera
 from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..geometry.camera import Camera
 from ..pose.settings import RefineSettings
-from ..splats.digest import scan_file_digest
+from ..splats.digest import BLOCK_BYTES, BLOCKS, scan_file_digest
+
+__all__ = ["BLOCKS", "BLOCK_BYTES", "BatchQuery", "Refused", "key_of", "query_keys", "scan_file_digest", "stamp"]
 
 KEY_VERSION = 5  # to be raised when the same input gets other answers, or records another form
 

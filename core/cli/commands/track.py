@@ -8,13 +8,12 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
-from ...batch.keys import key_of, stamp
+from ...batch.keys import key_of, scan_file_digest, stamp
 from ...errors import UsageError
 from ...photos.plate import Plate, open_plate
 from ...pose.settings import RefineSettings
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import GaussianScene, read_splats
-from ...splats.digest import scan_file_digest
 from ...support.words import counted
 from ...track import FocalKind, Track, TrackSettings
 from ...track.file import read_track

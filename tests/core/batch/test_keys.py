@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.batch.keys import BatchQuery, key_of, query_keys
+from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, key_of, query_keys, scan_file_digest
 from core.errors import SplatFormatError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.pose.settings import RefineSettings
-from core.splats.digest import BLOCK_BYTES, BLOCKS, scan_file_digest
 
 CAMERA = Camera(Intrinsics(640, 480, 500, 500, 320, 240), Pose(), "photo.jpg")
 TIME_NS = 1_700_000_000_123_456_789

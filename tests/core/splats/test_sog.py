@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from core.batch.keys import scan_file_digest
 from core.errors import SplatFormatError
 from core.splats import check_splat_file, inspect_splats, read_splats
-from core.splats.digest import scan_file_digest
 
 # 24 Gaussians with SH of degree 1, written by splat-transform 2.7.1, and the .ply into which that turned its own .sog again.
 THEIRS = Path(__file__).parents[2] / "data" / "by_splat_transform.sog"

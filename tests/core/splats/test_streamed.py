@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.batch.keys import scan_file_digest
 from core.cli.main import main
 from core.errors import SplatFormatError
 from core.splats import check_splat_file, inspect_splats, read_splats
-from core.splats.digest import scan_file_digest
 
 # by_splat_transform.ply without SH as level 0, and those of it with x < 0 as level 1, written by splat-transform 2.7.1.
 DATA = Path(__file__).parents[2] / "data"
