@@ -1,9 +1,10 @@
 """A batch worker: one process that holds the scene and refines the photos it is handed, one request each.
 
 A process of its own, because a damaged photo or model can end a process inside OpenCV, and that must cost one photo only.
-The first request is {"scene", "settings", "axes", "map", "key"}, answered by {"dropped": n} or {"error": sentence}; each one
-after that is {"camera", "photo", "mask"} (the last may be null), answered by the photo's record. With a "map", a file that has
-the map of that "key", photos are found without their start; without one they are refined from it. It ends when its input does.
+The first request is {"scene", "digest", "settings", "axes", "map", "key"}, answered by {"dropped": n} or {"error": sentence};
+"digest" is that of the scan which the answers will stand for (`keys.scan_file_digest`). Each request after that is {"camera",
+"photo", "mask"} (the last may be null), answered by the photo's record. With a "map", a file that has the map of that "key",
+photos are found without their start; without one they are refined from it. It ends when its input does.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from ..processes.requests import Requests
 from ..render import Renderer
 from ..render.scan.opening import open_scan
 from .find_one import find_target, found_to_dict, whole_found
+from .keys import check_unchanged
 from .place import into_file, starts_in_scene
 from .refine_one import read_masked_photo, refine_starts
 
@@ -41,6 +43,7 @@ def main() -> int:
     first, _ = requests.next()
     try:
         scan = open_scan(Path(first["scene"]))
+        check_unchanged(Path(first["scene"]), first["digest"])
         landmarks = read_map(first["map"], first["key"]) if first.get("map") else None
     except GssmcError as error:
         requests.answer({"error": str(error)})

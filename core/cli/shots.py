@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from ..batch.keys import Stamp, stamp
 from ..batch.refine_one import refine_photo
 from ..cameras.training_world import Axes
 from ..cameras.unplaced import Unplaced
@@ -21,23 +23,40 @@ from .commands.refine import Placing, pick_wanted, wanted_camera
 from .console import message
 from .maps import MapFlags
 
+CHANGED = "it or its mask was changed while the plate was tracked"
 # Where a start is looked for when none is given: these shares of the way through the shot.
 LOOKED_AT = (0.5, 0.25, 0.75, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class PlateFrames:
-    """Reads a plate's frames with their masks, as files `name` them."""
+    """Reads a plate's frames with their masks, as files `name` them. `seen`: what the files of frame and mask were, by frame,
+    for those that must not change while they are tracked.
+    """
 
     plate: Plate
     masks: Path | None
+    seen: Mapping[int, tuple[Stamp, Stamp]] = field(default_factory=dict)
+
+    def seen_now(self, frames: Sequence[int]) -> PlateFrames:
+        """The same, with these frames as they are now."""
+        return replace(self, seen={frame: self._stamps(frame) for frame in frames})
 
     def name(self, frame: int) -> str:
         return str(self.plate.file(frame))
 
     def read(self, frame: int) -> Photo:
-        photo, mask = self.plate.read(frame), self.mask(frame)
-        return photo if mask is None else masked(photo, mask)
+        """Raises PhotoError, and OSError, which ends the whole track, where a file is not what it was."""
+        try:
+            photo, mask = self.plate.read(frame), self.mask(frame)
+            return photo if mask is None else masked(photo, mask)
+        finally:  # Also where it cannot be read: a frame that is just being written must not count as one that is lost.
+            if self.seen.get(frame, self._stamps(frame)) != self._stamps(frame):
+                raise OSError(errno.EIO, CHANGED, self.name(frame))
+
+    def _stamps(self, frame: int) -> tuple[Stamp, Stamp]:
+        mask = self.mask(frame)
+        return stamp(self.plate.file(frame)), None if mask is None else stamp(mask)
 
     def mask(self, frame: int) -> Path | None:
         """The file of the frame's mask; None where there is none."""

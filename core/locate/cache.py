@@ -7,22 +7,19 @@ stays. An unfinished map is kept as well: its views are used at once, and the re
 
 from __future__ import annotations
 
-import json
 import logging
 import os
-import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from ..geometry.camera import Camera
 from ..splats.scene import GaussianScene
+from ..support.arrays_file import ArraysFileError
 from ..support.cache_folder import user_cache_folder
 from .build import MapStep, build_map
-from .file import FORMAT, READ_ERRORS, MapFileError, map_key, read_map, scan_digest, write_map
+from .file import MapFileError, map_key, read_head, read_map, scan_digest, write_map
 from .landmarks import LandmarkMap
 from .settings import MapSettings
 
@@ -168,10 +165,6 @@ class MapCache:
 def _head(file: Path) -> dict[str, object]:
     """The head of a map's file; empty where it is none."""
     try:
-        if not zipfile.is_zipfile(file):
-            return {}
-        with np.load(file, allow_pickle=False) as arrays:
-            head = json.loads(arrays["head"].tobytes())
-    except READ_ERRORS:
+        return read_head(file)
+    except (OSError, ArraysFileError):
         return {}
-    return head if isinstance(head, dict) and head.get("format") == FORMAT else {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,20 +12,19 @@ from typing import Any
 import numpy as np
 
 from ..errors import CameraError, GssmcError
-from ..geometry.camera import Camera, Pose
+from ..geometry.camera import Camera, FloatArray, Pose
 from ..splats.scene import GaussianScene
+from ..support.arrays_file import ArraysFileError, read_arrays
 from ..support.atomic import atomic_write
 from .landmarks import LandmarkMap, MapView
-from .search_file import NAMES as SEARCH_COLUMNS
 from .search_file import search_arrays, search_of
 from .settings import MapSettings
 
 VERSION = 2  # of the file and of how maps are made; a map of another version is made again
 FORMAT = "gssmc-map"
 DIGEST_BYTES = 16
+HEAD = "head"
 COLUMNS = ("R", "t", "depth", "known", "counts", "points", "descriptors")
-# ValueError and KeyError: numpy's, of damaged members; the rest of the file system and of zip.
-READ_ERRORS = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError, MemoryError)
 
 
 class MapFileError(GssmcError):
@@ -74,32 +72,38 @@ def write_map(path: str | Path, made: LandmarkMap) -> None:
     arrays |= columns
     head = {"format": FORMAT, "version": VERSION, "key": made.key, "complete": made.complete, "search": search}
     with atomic_write(path, "wb") as file:
-        np.savez(file, head=np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays)
+        np.savez(file, **{HEAD: np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays})
 
 
 def read_map(path: str | Path, key: str) -> LandmarkMap:
     """The map in the file, which must be the one that `key` names. Raises MapFileError, whose remedy is to make it again."""
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as file:
-            head = json.loads(file["head"].tobytes())
-            ours = _is_ours(head, key)
-            arrays = {name: file[name] for name in COLUMNS} if ours else {}
-            more = {name: file[name] for name in SEARCH_COLUMNS if name in file.files} if ours else {}
-    except READ_ERRORS as error:
+        head = read_head(path)
+        arrays = read_arrays(path) if _is_ours(head, key) else {}
+    except (OSError, ArraysFileError) as error:
         what = f"cannot be read ({error.strerror})" if isinstance(error, OSError) and error.strerror else "is damaged"
         raise MapFileError(f"The map '{path.name}' {what}; it has to be made again.") from error
     if not arrays:
         raise MapFileError(f"The map '{path.name}' belongs to another scan, other settings or another version; make it again.")
     try:
-        views, search = _views(arrays), search_of(head.get("search"), more)
+        views, search = _views(arrays), search_of(head.get("search"), arrays)
     except (CameraError, ValueError, TypeError, KeyError) as error:
         raise MapFileError(f"The map '{path.name}' holds impossible values; it has to be made again.") from error
     return LandmarkMap(key, views, bool(head.get("complete")), search)
 
 
-def _is_ours(head: Any, key: str) -> bool:
-    return isinstance(head, dict) and (head.get("format"), head.get("version"), head.get("key")) == (FORMAT, VERSION, key)
+def read_head(path: Path) -> dict[str, Any]:
+    """The head of a map's file; empty where it is something else. Raises ArraysFileError, and OSError."""
+    try:
+        head = json.loads(read_arrays(path, HEAD.__eq__)[HEAD].tobytes())
+    except (KeyError, ValueError, RecursionError) as error:
+        raise ArraysFileError("no head") from error
+    return head if isinstance(head, dict) and head.get("format") == FORMAT else {}
+
+
+def _is_ours(head: dict[str, Any], key: str) -> bool:
+    return (head.get("format"), head.get("version"), head.get("key")) == (FORMAT, VERSION, key)
 
 
 def _views(arrays: dict[str, Any]) -> tuple[MapView, ...]:
@@ -115,6 +119,14 @@ def _views(arrays: dict[str, Any]) -> tuple[MapView, ...]:
         raise ValueError("a count, point or depth is out of range")
     ends = np.cumsum(counts)
     return tuple(
-        MapView(Pose(R[i], t[i]), points[e - c : e], descriptors[e - c : e], float(depth[i]), bool(known[i]))
+        MapView(_pose(R[i], t[i]), points[e - c : e], descriptors[e - c : e], float(depth[i]), bool(known[i]))
         for i, (e, c) in enumerate(zip(ends.tolist(), counts.tolist(), strict=True))
     )
+
+
+def _pose(R: FloatArray, t: FloatArray) -> Pose:
+    """The pose as it was written, to the last bit: a photo has the same answer with a new map and with a stored one. Raises
+    CameraError where it is none.
+    """
+    Pose(R, t)
+    return Pose.as_it_is(R, t)

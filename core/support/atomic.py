@@ -14,19 +14,23 @@ from pathlib import Path
 from typing import IO, Any
 
 PART = ".part"
+# A file that nobody has written to for so long is not being written.
+ABANDONED_S = 3600.0
 
 
 @contextmanager
-def atomic_write(path: str | Path, mode: str = "w", lasting: bool = True) -> Iterator[IO[Any]]:
+def atomic_write(path: str | Path, mode: str = "w", *, one_of_many: bool = False, lasting: bool = True) -> Iterator[IO[Any]]:
     """A file to write to, which takes the place of `path` when the block ends well and vanishes when it does not.
 
     `mode` is "w" (UTF-8 text) or "wb". A link stays one, and the file that it leads to is replaced; an old file's permissions
-    stay, a new file gets the usual ones. OSError passes through. `lasting` False: after a loss of power the file may be
-    neither the old one nor the new one; for large files that whoever reads them checks.
+    stay, a new file gets the usual ones. OSError passes through. What a process that was killed once left of `path` half
+    written is removed, but where it is `one_of_many` files of a folder, whose listing for each of them would take long.
+    `lasting` False: after a loss of power the file may be neither the old one nor the new one; for large files that whoever
+    reads them checks.
     """
     target = Path(os.path.realpath(path))
     target.parent.mkdir(parents=True, exist_ok=True)
-    part = target.with_name(f".{target.name}.{secrets.token_hex(4)}{PART}")
+    part = part_of(target)
     # 0o666 less what the process's umask takes away, as for any file that is opened
     handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
@@ -41,6 +45,14 @@ def atomic_write(path: str | Path, mode: str = "w", lasting: bool = True) -> Ite
     except BaseException:
         part.unlink(missing_ok=True)
         raise
+    if not one_of_many:
+        remove_old_parts(target)
+
+
+def part_of(path: str | Path) -> Path:
+    """A new name for a file of use while `path` is made, which `remove_parts` removes where a killed process left it."""
+    target = Path(os.path.realpath(path))
+    return target.with_name(f".{target.name}.{secrets.token_hex(4)}{PART}")
 
 
 def check_writable(path: str | Path) -> None:
@@ -58,8 +70,23 @@ def remove_parts(path: Path) -> None:
     target = Path(os.path.realpath(path))
     with contextlib.suppress(OSError):
         for part in list(target.parent.iterdir()):
-            if part.name.startswith(f".{target.name}.") and part.name.endswith(PART):
+            if _is_part(part, target):
                 part.unlink(missing_ok=True)
+
+
+def remove_old_parts(path: Path) -> None:
+    """As `remove_parts`, where others may be writing `path`: only parts much older than the file, which was just written."""
+    target = Path(os.path.realpath(path))
+    with contextlib.suppress(OSError):
+        # The file's own time, because the clock of this machine may be wrong, or another than the folder's.
+        now = target.stat().st_mtime
+        for part in list(target.parent.iterdir()):
+            if _is_part(part, target) and now - part.stat().st_mtime > ABANDONED_S:
+                part.unlink(missing_ok=True)
+
+
+def _is_part(path: Path, target: Path) -> bool:
+    return path.name.startswith(f".{target.name}.") and path.name.endswith(PART)
 
 
 def sync_folder(folder: Path) -> None:

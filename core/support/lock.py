@@ -22,7 +22,7 @@ def open_locked(path: Path) -> int | None:
             if not _lock(handle):
                 os.close(handle)
                 return None
-            if _is_at(handle, path):
+            if is_at(handle, path):
                 return handle
         except BaseException:
             os.close(handle)
@@ -30,7 +30,8 @@ def open_locked(path: Path) -> int | None:
         os.close(handle)  # whoever held it has removed it meanwhile
 
 
-def _is_at(handle: int, path: Path) -> bool:
+def is_at(handle: int, path: Path) -> bool:
+    """Whether the open file is the one that is found at `path`."""
     try:
         return os.path.samestat(os.fstat(handle), os.stat(path))
     except FileNotFoundError:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,13 +13,15 @@ from numpy.typing import NDArray
 from ..errors import CameraError
 from ..geometry.camera import Pose
 from ..pose.shared.least_squares import NormalEquations
+from ..support.arrays_file import read_arrays
 from ..support.atomic import atomic_write
 from .evidence import Evidence
 from .problem import Link
 from .walk import PartialTrack, Tie
 
 FORMAT = 2
-READ_ERRORS = (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, CameraError)
+HEAD = "head"
+READ_ERRORS = (OSError, ValueError, KeyError, TypeError, CameraError)
 Arrays = Mapping[str, NDArray[Any]]
 
 
@@ -31,7 +32,7 @@ def write_found(path: Path, found: PartialTrack, key: str) -> None:
     head = json.dumps({"format": FORMAT, "key": key, "lost": lost}).encode()
     poses = [tie.pose for tie in ties.values()]
     arrays = {
-        "head": np.frombuffer(head, np.uint8),
+        HEAD: np.frombuffer(head, np.uint8),
         "frames": np.array(list(ties), np.int64),
         "R": np.array([pose.R for pose in poses]).reshape(-1, 3, 3),
         "t": np.array([pose.t for pose in poses]).reshape(-1, 3),
@@ -51,8 +52,7 @@ def is_other_file(path: Path) -> bool:
     if not path.exists():
         return False
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return "format" not in json.loads(arrays["head"].tobytes())
+        return "format" not in _head(read_arrays(path, HEAD.__eq__))
     except READ_ERRORS:
         return True
 
@@ -60,13 +60,16 @@ def is_other_file(path: Path) -> bool:
 def read_found(path: Path, key: str) -> PartialTrack:
     """What an earlier track found under the same `key`; empty where there is none, or the file is of something else."""
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            head = json.loads(arrays["head"].tobytes())
-            if head["format"] != FORMAT or head["key"] != key:
-                return PartialTrack()
-            return _found(arrays, {int(frame): str(reason) for frame, reason in head["lost"].items()})
+        head = _head(read_arrays(path, HEAD.__eq__))
+        if head["format"] != FORMAT or head["key"] != key:
+            return PartialTrack()
+        return _found(read_arrays(path), {int(frame): str(reason) for frame, reason in head["lost"].items()})
     except READ_ERRORS:
         return PartialTrack()
+
+
+def _head(arrays: Arrays) -> Any:
+    return json.loads(arrays[HEAD].tobytes())
 
 
 def _found(arrays: Arrays, lost: dict[int, str]) -> PartialTrack:

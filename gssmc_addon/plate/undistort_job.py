@@ -71,7 +71,7 @@ class UndistortJob(Job):
                 raise PhotoError(rpt_("Frame {number} could not be made a PNG; choose another plate.", number=number))
             self._written.append(file)
             try:
-                with atomic_write(file, "wb") as out:
+                with atomic_write(file, "wb", one_of_many=True) as out:
                     out.write(data.tobytes())
             except OSError as error:
                 values = {"path": file, "reason": error.strerror}

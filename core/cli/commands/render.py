@@ -115,7 +115,7 @@ def write_view(path: Path, view: RenderedView, npz: bool) -> None:
     """`path`.png, and `path`.npz when asked."""
     write_png(path.with_name(path.name + ".png"), view.color)
     if npz:
-        with atomic_write(path.with_name(path.name + ".npz"), "wb") as file:
+        with atomic_write(path.with_name(path.name + ".npz"), "wb", one_of_many=True) as file:
             np.savez(file, color=view.color, depth=view.depth, alpha=view.alpha)
 
 
@@ -123,7 +123,7 @@ def write_png(path: Path, color: np.ndarray[tuple[int, ...], np.dtype[np.float32
     """Display-encoded RGB 0..1 (H, W, 3) as an 8-bit PNG."""
     pixels = np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8)
     _, encoded = cv2.imencode(".png", np.ascontiguousarray(pixels[..., ::-1]))
-    with atomic_write(path, "wb") as file:
+    with atomic_write(path, "wb", one_of_many=True) as file:
         file.write(encoded.tobytes())
 
 

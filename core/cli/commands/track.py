@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
-from ...batch.keys import key_of, scan_file_digest, stamp
+from ...batch.keys import check_unchanged, key_of, scan_file_digest, stamp
 from ...errors import UsageError
-from ...photos.plate import Plate, open_plate
+from ...photos.plate import open_plate
 from ...pose.settings import RefineSettings
 from ...render import ProcessRenderer, RenderSettings
 from ...splats import GaussianScene, read_splats
@@ -69,9 +69,10 @@ def run(args: argparse.Namespace) -> Outcome:
     _check_usage(args)
     if args.out_dir is not None:
         return _several(args, settings)
-    job = _job(args, settings, args.plates[0], args.out)
-    with _work(args, settings) as work_on:
-        return _told(job, job.run(work_on(job.plate)))
+    digest = scan_file_digest(args.scene)
+    job = _job(args, settings, args.plates[0], args.out, digest)
+    with _work(args, settings, digest) as work_on:
+        return _told(job, job.run(work_on(job)))
 
 
 def _check_usage(args: argparse.Namespace) -> None:
@@ -91,14 +92,15 @@ def _check_usage(args: argparse.Namespace) -> None:
 def _several(args: argparse.Namespace, settings: RefineSettings) -> Outcome:
     files = out_files(args.plates, args.out_dir)
     args.out_dir.mkdir(parents=True, exist_ok=True)
-    with _work(args, settings) as work_on:
+    digest = scan_file_digest(args.scene)
+    with _work(args, settings, digest) as work_on:
 
         def track(plate: Path, out: Path) -> ShotEnd:
-            job = _job(args, settings, plate, out)
+            job = _job(args, settings, plate, out, digest)
             before = finished(out, job.key)
             if before is not None:
                 return ShotEnd(plate, out, before, kept=True)
-            found = job.run(work_on(job.plate))
+            found = job.run(work_on(job))
             _told(job, found)
             return ShotEnd(plate, out, found)
 
@@ -107,8 +109,8 @@ def _several(args: argparse.Namespace, settings: RefineSettings) -> Outcome:
     return Outcome(FAILED_VERDICT if any(end.failed for end in ends) else OK)
 
 
-def _job(args: argparse.Namespace, settings: RefineSettings, path: Path, out: Path) -> ShotJob:
-    """Raises GssmcError where the flags, the plate or its files cannot be used."""
+def _job(args: argparse.Namespace, settings: RefineSettings, path: Path, out: Path, digest: str) -> ShotJob:
+    """The job of a plate in the scan of `digest`. Raises GssmcError where the flags, the plate or its files cannot be used."""
     focal: FocalKind = "zoom" if args.zoom else "breathing" if args.breathing else "fixed"
     chosen = TrackSettings(args.track_long_side, settings.lens != "fixed", args.rolling_shutter, args.smooth, focal)
     plate, first, last = open_plate(path)
@@ -118,27 +120,28 @@ def _job(args: argparse.Namespace, settings: RefineSettings, path: Path, out: Pa
     inputs = {"a frame": [plate.file(frame) for frame in range(first, last + 1)]}
     inputs |= {"a start": [*starts.values()], "a pin": [*pins.values()]}
     inputs |= {"the track that it begins with": [] if args.before is None else [args.before]}
-    _check_files(args, PlateFrames(plate, args.mask), frames, inputs, out)
+    photos = PlateFrames(plate, args.mask).seen_now(frames)
+    _check_files(args, photos, frames, inputs, out)
     before = None if args.before is None else read_track(args.before)
-    key = key_of(2, scan_file_digest(args.scene), str(path.resolve()), stamp(path), list(frames), args.start)
+    key = key_of(3, digest, str(path.resolve()), list(photos.seen.items()), args.start)
     key = key_of(key, asdict(settings), asdict(chosen), str(args.mask), args.axes)
     key = key_of(
         key, args.pin, *(stamp(file) for file in (*starts.values(), *pins.values())), args.before and stamp(args.before)
     )
-    return ShotJob(plate, frames, starts, pins, before, chosen, out, key)
+    return ShotJob(photos, frames, starts, pins, before, chosen, out, key)
 
 
 @contextmanager
-def _work(args: argparse.Namespace, settings: RefineSettings) -> Iterator[Callable[[Plate], ShotWork]]:
-    """What the work on a plate needs; the scan is read once for all, and so is who draws it."""
+def _work(args: argparse.Namespace, settings: RefineSettings, digest: str) -> Iterator[Callable[[ShotJob], ShotWork]]:
+    """What the work on a plate needs; the scan, which is that of `digest`, is read once for all, and so is who draws it."""
     flags = MapFlags(args, settings.threads)
     scene: GaussianScene = read_splats(args.scene)
+    check_unchanged(args.scene, digest)
     say_dropped(scene)
     with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         search = flags if args.locate else None
-        yield lambda plate: ShotWork(
-            scene, renderer, settings, PlateFrames(plate, args.mask), search, args.axes, args.zoom or args.breathing
-        )
+        zooms = args.zoom or args.breathing
+        yield lambda job: ShotWork(scene, renderer, settings, job.photos, search, args.axes, zooms)
 
 
 def _told(job: ShotJob, track: Track) -> Outcome:

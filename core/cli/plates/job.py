@@ -14,7 +14,7 @@ from ...cameras.unplaced import Unplaced
 from ...errors import CameraError, PhotoError
 from ...geometry.camera import Camera, Pose
 from ...photos.frame_rate import movie_frame_rate
-from ...photos.plate import Plate
+from ...support.sealed import sealed
 from ...support.words import counted
 from ...track import Earlier, PartialTrack, Shot, Track, Tracking, TrackSettings, iterate_again, iterate_track
 from ...track.file import track_to_dict
@@ -23,7 +23,7 @@ from ..commands.refine import pick_wanted, wanted_camera
 from ..console import message
 from ..progress import ProgressBar
 from ..result import write_json
-from ..shots import ShotWork
+from ..shots import PlateFrames, ShotWork
 
 JOURNAL = ".journal"
 SAVE_EVERY_S = 60.0
@@ -41,7 +41,7 @@ class ShotJob:
     `out`: the file to write; `key` of what the answer depends on.
     """
 
-    plate: Plate
+    photos: PlateFrames
     frames: range
     starts: dict[int, Path]
     pins: dict[int, Path]
@@ -62,7 +62,7 @@ class ShotJob:
             message(f"Interrupted; {counted(len(found.ties), 'frame')} found, in '{journal}'. The same command goes on.")
             raise
         record = track_to_dict(moved(track, [-value for value in work.scene.origin]))
-        write_json(self.out, {**record, "plate": self._about(work, track), KEY: self.key})
+        write_json(self.out, sealed({**record, "plate": self._about(work, track), KEY: self.key}))
         journal.unlink(missing_ok=True)
         return track
 
@@ -96,11 +96,11 @@ class ShotJob:
     def _about(self, work: ShotWork, track: Track) -> dict[str, Any]:
         """What is known of the plate beside its cameras."""
         tied = [frame.frame for frame in track.frames if frame.state != "lost" and frame.frame in self.frames]
-        speed, aspect = movie_frame_rate(self.plate.path) if self.plate.is_movie else None, None
+        speed, aspect = movie_frame_rate(self.photos.plate.path) if self.photos.plate.is_movie else None, None
         with suppress(PhotoError):
             aspect = round(work.frames.read(tied[0]).pixel_aspect, 6) if tied else None
         return {
-            "file": str(self.plate.path),
+            "file": str(self.photos.plate.path),
             "fps": None if speed is None else round(float(speed), 6),
             "fps_exact": None if speed is None else f"{speed.numerator}/{speed.denominator}",
             "pixel_aspect": aspect,

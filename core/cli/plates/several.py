@@ -10,6 +10,7 @@ from pathlib import Path
 from ...cameras.files import load_json
 from ...errors import CameraError, GssmcError, UsageError
 from ...photos.plate import DIGITS
+from ...support.sealed import is_sound
 from ...support.words import counted
 from ...track import Track
 from ...track.file import read_track
@@ -66,10 +67,10 @@ def _title(plate: Path) -> str:
 
 
 def finished(out: Path, key: str) -> Track | None:
-    """The track in a file that was made of the same things; None where there is none."""
+    """The track in a file that was made of the same things, and is as it was written; None where there is none."""
     try:
         data = load_json(out)
-        return read_track(out) if isinstance(data, dict) and data.get(KEY) == key else None
+        return read_track(out) if isinstance(data, dict) and data.get(KEY) == key and is_sound(data) else None
     except CameraError:
         return None
 

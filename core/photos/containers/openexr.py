@@ -64,7 +64,7 @@ def write_exr(path: Path, channels: Mapping[str, Channel], half: Container[str] 
     header = _written_header(kinds, (width, height), compression)
     sizes = np.array([8 + len(chunk) for chunk in chunks], "<u8")
     offsets = len(header) + 8 * len(chunks) + np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype("<u8")
-    with atomic_write(path, "wb") as file:
+    with atomic_write(path, "wb", one_of_many=True) as file:
         file.write(header)
         file.write(offsets.astype("<u8").tobytes())
         for number, chunk in enumerate(chunks):

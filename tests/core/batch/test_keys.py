@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, key_of, query_keys, scan_file_digest
+from core.batch.executors import Executor
+from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, check_unchanged, key_of, query_keys, scan_file_digest
+from core.batch.store import ResultStore
+from core.cli.rounds import Rounds
 from core.errors import SplatFormatError
 from core.geometry.camera import Camera, Intrinsics, Pose
 from core.pose.settings import RefineSettings
+from core.splats.ply.reader import write_ply
+from core.synthetic import make_scene
 
 CAMERA = Camera(Intrinsics(640, 480, 500, 500, 320, 240), Pose(), "photo.jpg")
 TIME_NS = 1_700_000_000_123_456_789
@@ -102,3 +107,44 @@ def test_a_scan_that_cannot_be_read_is_one_sentence(tmp_path):
 def test_key_changes_with_everything_it_is_made_of():
     assert key_of("s", 1, {"a": 1, "b": 2}) == key_of("s", 1, {"b": 2, "a": 1})
     assert len({key_of("s", 1, {}), key_of("s", 2, {}), key_of("t", 1, {}), key_of("s", 1, {"a": 0})}) == 4
+
+
+@pytest.mark.parametrize("name", ["photo.jpg", "mask.png"])
+def test_a_query_knows_when_its_files_are_other_ones(files, name):
+    query = BatchQuery(CAMERA, files / "photo.jpg", files / "mask.png")
+    assert not query.is_changed
+    before = query_keys(files / "scan.ply", [query], RefineSettings())
+    put(files / name, b"9876543210", TIME_NS + 1)
+    assert query.is_changed
+    assert query_keys(files / "scan.ply", [query], RefineSettings()) == before, "the key stands for what it was"
+    put(files / name, b"0123456789")
+    assert not query.is_changed
+    (files / name).unlink()
+    assert query.is_changed
+
+
+def test_a_scan_that_is_replaced_before_a_worker_reads_it_ends_the_batch_without_an_answer(tmp_path):
+    """The keys of the answers stand for the first scan."""
+    scan, out = tmp_path / "scan.ply", tmp_path / "r.json"
+    write_ply(scan, make_scene(0, 300))
+    digest, query = scan_file_digest(scan), BatchQuery(CAMERA, put(tmp_path / "photo.jpg", b"no photo"))
+    write_ply(scan, make_scene(1, 300))
+    with pytest.raises(SplatFormatError, match=r"'scan\.ply' was changed while it was being used; run the command again\.$"):
+        check_unchanged(scan, digest)
+    with ResultStore(out, ["key"]) as store:
+        with pytest.raises(SplatFormatError, match="was changed while it was being used"):
+            Rounds(scan, Executor(1), RefineSettings(), None, digest).run([query], store)
+        assert store.records == {}
+
+
+def test_a_photo_that_is_replaced_while_it_is_worked_on_is_tried_again_by_the_next_run(tmp_path):
+    write_ply(tmp_path / "scan.ply", make_scene(0, 300))
+    query = BatchQuery(CAMERA, put(tmp_path / "photo.jpg", b"no photo"))
+    put(tmp_path / "photo.jpg", b"another.", TIME_NS + 1)
+    with ResultStore(tmp_path / "r.json", ["key"]) as store:
+        Rounds(tmp_path / "scan.ply", Executor(1), RefineSettings(), None, scan_file_digest(tmp_path / "scan.ply")).run(
+            [query], store
+        )
+        assert "was changed while the batch ran; run the batch again." in store.records[0]["error"]
+    with ResultStore(tmp_path / "r.json", ["key"]) as store:
+        assert store.records == {}

@@ -2,6 +2,7 @@
 
 import io
 import json
+import shutil
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from core.cameras import camera_file
 from core.cameras.files import camera_from_dict, camera_to_dict
 from core.cli.main import main
 from core.cli.plates.given import frames_of
-from core.cli.plates.several import out_files
+from core.cli.plates.several import finished, out_files
 from core.cli.shots import PlateFrames
 from core.errors import UsageError
 from core.geometry.camera import Pose, pose_error
@@ -290,3 +291,29 @@ def test_a_movie_keeps_its_speed_and_its_frames_are_found(place, tmp_path):
     for frame in data["frames"]:
         assert abs(frame["fx"] / SHOT.lens.fx - 1) < 0.005
         assert pose_error(camera_from_dict(frame).pose, SHOT.pose(1001 + frame["frame"]))[0] < 0.005 * DEPTH
+
+
+def test_a_frame_that_is_replaced_while_it_is_tracked_ends_the_work_and_has_another_name_for_the_journal(place, tmp_path):
+    for frame in SHOT.frames:
+        shutil.copy2(place / f"plate.{frame}.png", tmp_path)
+    plate, first, last = open_plate(tmp_path / "plate.1001.png")
+    photos = PlateFrames(plate, None).seen_now(range(first, last + 1))
+    photos.read(1003)
+    shutil.copy(place / "plate.1004.png", tmp_path / "plate.1003.png")
+    with pytest.raises(OSError, match="was changed while the plate was tracked"):
+        photos.read(1003)
+    (tmp_path / "plate.1003.png").write_bytes(b"half a fr")
+    with pytest.raises(OSError, match="was changed while the plate was tracked"):
+        photos.read(1003)
+    photos.read(1004)
+    assert photos.seen_now(range(first, last + 1)).seen != photos.seen
+
+
+def test_a_finished_track_with_a_changed_digit_is_made_again(whole, tmp_path):
+    data = json.loads(whole[0].read_text())
+    file = tmp_path / "t.json"
+    file.write_text(json.dumps(data))
+    assert finished(file, data["key"]) is not None
+    data["frames"][2]["t"][0] += 1e-9
+    file.write_text(json.dumps(data))
+    assert finished(file, data["key"]) is None

@@ -175,3 +175,17 @@ def test_folders_of_others_are_left_alone(temporary):
     ScratchFolder().remove()
     assert sorted(p.name for p in temporary.iterdir()) == sorted([alive.path.name, "gssmc-results", "gssmc-scratch-notes"])
     alive.remove()
+
+
+def test_what_a_killed_process_left_half_written_is_removed_when_it_is_old(tmp_path):
+    path = tmp_path / "r.json"
+    path.write_text("whole")
+    now = path.stat().st_mtime
+    names = {".r.json.0a1b.part": 7200, ".r.json.2c3d.part": 60, ".other.json.4e5f.part": 7200, "r.json.part": 7200}
+    for name, age in names.items():
+        (tmp_path / name).write_text("half")
+        os.utime(tmp_path / name, (now - age,) * 2)
+    with atomic_write(path) as file:
+        file.write("whole again")
+    os.utime(path, (now, now))
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(["r.json", *list(names)[1:]])
