@@ -45,6 +45,7 @@ from core.processes.child import ONE_THREAD, Child
 from core.render import Renderer
 from core.render.scan.opening import OFF, SWITCH, open_scan
 from core.splats import read_splats
+from core.splats.digest import scan_file_digest
 from core.splats.ply.reader import write_ply
 from core.synthetic import make_scene
 from core.synthetic.buildings import courtyard
@@ -153,9 +154,11 @@ def workers(path: str, count: int) -> dict[str, Any]:
     children = [Child("batch.worker", ONE_THREAD) for _ in range(count)]
     channels, settings = [Channel(child) for child in children], {**asdict(RefineSettings(threads=1)), **FEW}
 
+    first = {"scene": path, "digest": scan_file_digest(Path(path)), "settings": settings}
+
     def work(index: int) -> None:
         truth = cameras[index]
-        channels[index].ask({"scene": path, "settings": settings}, limit_s=LIMIT_S)
+        channels[index].ask(first, limit_s=LIMIT_S)
         start = camera_to_dict(start_camera(truth, depth, *STARTS["near"], seed=index))
         job = {"camera": start, "photo": str(FOX / truth.file), "mask": None}
         channels[index].ask(job, limit_s=LIMIT_S)
