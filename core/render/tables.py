@@ -14,6 +14,7 @@ from . import constants as c
 from .color import color_polynomials
 from .scan.blocks import SceneBlocks
 from .scan.order import spatial_order
+from .sharing import ThreadTeam
 
 Float32Array = NDArray[np.float32]
 
@@ -81,8 +82,8 @@ class SceneTables:
         return int(self.block.shape[1])
 
 
-def build_tables(scene: GaussianScene) -> SceneTables:
-    """Per-scene tables; Gaussians too transparent to ever count are left out."""
+def build_tables(scene: GaussianScene, threads: int = 1) -> SceneTables:
+    """Per-scene tables; Gaussians too transparent to ever count are left out. The threads change no bit of them."""
     keep = np.flatnonzero(scene.opacities >= np.float32(c.ALPHA_MIN))
     n = len(keep)
     means = scene.means[keep]
@@ -91,9 +92,9 @@ def build_tables(scene: GaussianScene) -> SceneTables:
     keep = keep[spatial_order(means, scene.scales[keep].max(axis=1, initial=0.0))]
     del means
     tables = SceneTables(origin, np.empty((ROWS + 3 * scene.sh.shape[1], n), np.float32), scene.antialiased)
-    for a in range(0, n, CHUNK):
-        part = slice(a, a + CHUNK)
-        _fill(tables, scene, keep[part], part)
+    parts = [slice(a, a + CHUNK) for a in range(0, n, CHUNK)]
+    with ThreadTeam(threads) as team:
+        team.run(lambda part: _fill(tables, scene, keep[part], part), parts)
     return tables
 
 

@@ -49,14 +49,14 @@ class PreparedScan:
     sample: GaussianScene
 
     @classmethod
-    def of(cls, scene: GaussianScene) -> PreparedScan:
+    def of(cls, scene: GaussianScene, threads: int = 1) -> PreparedScan:
         """Prepares a scan that is in memory."""
         every = slice(None, None, max(1, len(scene) // SAMPLE))
         parts = (scene.means, scene.scales, scene.rotations, scene.opacities, scene.sh[:, :1])
         facts = {name: getattr(scene, name) for name in SCENE_FACTS}
         m, s, r, o, h = (np.ascontiguousarray(part[every]) for part in parts)
         sample = GaussianScene(m, s, r, o, h, **facts)
-        return cls(build_tables(scene), RenderSettings.for_scene(scene).near, len(scene), sample)
+        return cls(build_tables(scene, threads), RenderSettings.for_scene(scene).near, len(scene), sample)
 
     def settings(self, threads: int = 0) -> RenderSettings:
         """As `RenderSettings.for_scene` of the whole scan."""

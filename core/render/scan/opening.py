@@ -35,6 +35,8 @@ LIMIT_BYTES = 10_000_000_000
 SPARE_BYTES = 2_000_000_000
 # How long another process may take to prepare a scan, and how often it is looked after.
 WAIT_S, POLL_S = 600.0, 0.2
+# More wait for memory.
+MOST_THREADS = 4
 
 Progress = Callable[[float], None]
 
@@ -53,7 +55,7 @@ def open_scan(path: Path, progress: Progress | None = None) -> PreparedScan:
     with _alone(file) as alone:
         found = _kept(file) if alone else None
         if found is None:
-            found = PreparedScan.of(read_splats(path, progress))
+            found = PreparedScan.of(read_splats(path, progress), min(os.cpu_count() or 1, MOST_THREADS))
             # A scan that was replaced while it was read must not be found under its old name.
             if alone and _file_for(path) == file:
                 found = _keep(file, found)

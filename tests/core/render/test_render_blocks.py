@@ -39,6 +39,12 @@ def test_every_gaussian_that_a_view_may_show_lies_in_a_seen_block(world: SceneTa
     assert 0 < len(shown) < len(world) / 2
 
 
+def test_threads_change_no_bit_of_the_tables() -> None:
+    means, scales = cloud(WORLD, seed=3)
+    one, three = (build_tables(make_scene(means, scales, coefficients=16), threads) for threads in (1, 3))
+    assert np.array_equal(one.block.view(np.uint32), three.block.view(np.uint32))
+
+
 def test_a_narrow_view_reads_few_blocks() -> None:
     means = np.random.default_rng(4).uniform(-10, 10, (WORLD, 3))
     tables, narrow = build_tables(make_scene(means, 0.02)), Intrinsics(60, 60, 600.0, 600.0, 30.0, 30.0)
