@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from ...pose.refine import iterate_refinement
 from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...pose.settings import RefineSettings
-from ...render import ProcessRenderer
+from ...render import ProcessRenderer, RenderSettings
 from ...render.scan.opening import open_scan
 from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
@@ -64,6 +65,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add_axes_flag(parser)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser)
+    parser.set_defaults(make_renderer=ProcessRenderer)  # a program that this runs in may have another
     return parser
 
 
@@ -87,12 +89,12 @@ def run(args: argparse.Namespace) -> Outcome:
     wanted = wanted_camera(told, photo)
     if args.stmap is not None:
         wanted = straight(wanted)
-    scan = open_scan(args.scene)
-    scene = scan.sample
-    say_dropped(scene, scan.count)
-    with ProcessRenderer(scan.tables, scan.settings(settings.threads)) as renderer:
+    opened = _opened(args, settings.threads)
+    scene = opened.scene
+    say_dropped(scene, opened.count)
+    with opened.renderer as renderer:
         if args.pins is None:
-            placing = Placing(renderer, scene, settings, flags if args.locate else None, partial(read_splats, args.scene))
+            placing = Placing(renderer, scene, settings, flags if args.locate else None, opened.whole)
             placed = placing.place(photo, wanted, args.axes)
         else:
             pinned = Pinning(renderer, scene, args.axes).place(photo, wanted, args.pins, "auto")
@@ -107,6 +109,27 @@ def run(args: argparse.Namespace) -> Outcome:
     camera, photo_file = shown(placed.report.camera.relative_to([-value for value in scene.origin]), args.photo)
     photo_file = None if args.stmap else photo_file
     return Outcome(code, args.scene, (camera,), (photo_file,), (placed.report,), (mask if photo_file else None,))
+
+
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    """The scan opened: what draws it, its Gaussians or some of them, how many it has, and all of them where they are asked for."""
+
+    renderer: AbstractContextManager[ViewRenderer]
+    scene: GaussianScene
+    count: int
+    whole: Callable[[], GaussianScene]
+
+
+def _opened(args: argparse.Namespace, threads: int) -> _Opened:
+    """Only the processes that draw here take a scan that is prepared."""
+    if args.make_renderer is not ProcessRenderer:
+        scene = read_splats(args.scene)
+        renderer = args.make_renderer(scene, RenderSettings.for_scene(scene, threads))
+        return _Opened(renderer, scene, len(scene), lambda: scene)
+    scan = open_scan(args.scene)
+    drawing = ProcessRenderer(scan.tables, scan.settings(threads))
+    return _Opened(drawing, scan.sample, scan.count, partial(read_splats, args.scene))
 
 
 def _check_paths(args: argparse.Namespace, settings: RefineSettings, mask: Path | None) -> None:
