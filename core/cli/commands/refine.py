@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 @dataclass(frozen=True, eq=False)
 class _Opened:
-    """The scan opened: what draws it, its Gaussians or some of them, how many it has, and all of them where they are asked for."""
+    """The scan opened: what draws it, its Gaussians or some of them, how many there are, and how to get them all."""
 
     renderer: AbstractContextManager[ViewRenderer]
     scene: GaussianScene
