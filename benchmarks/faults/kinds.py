@@ -23,12 +23,16 @@ JUMPS_S = (-1e9, -86_400.0, -3600.0, 3600.0, 86_400.0, 1e9)
 
 def _judge(trial: Faulted, code: int, fine: tuple[int, ...] = ()) -> None:
     """After the fault: what is finished is right, and the next run keeps it. `fine`: exit codes beside that of a whole run."""
-    assert trial.known is not None
-    if code not in (trial.known.code, *fine):
-        trial.broken.append(f"exit code {code}: {trial.said[-1].strip()[-200:]}")
+    _check_code(trial, code, fine)
     kept = trial.command.kept(trial.folder)
     trial.right(kept, "on disk")
     trial.again(kept)
+
+
+def _check_code(trial: Faulted, code: int, fine: tuple[int, ...]) -> None:
+    assert trial.known is not None
+    if code not in (trial.known.code, *fine):
+        trial.broken.append(f"exit code {code}: {trial.said[-1].strip()[-200:]}")
 
 
 def worker_killed(trial: Faulted) -> None:
@@ -175,7 +179,7 @@ def bytes_damaged(trial: Faulted) -> None:
     if not trial.command.blender and trial.moment(process, trial.rng.uniform(0.5, 1.2)):
         process.send_signal(signal.SIGINT if trial.rng.random() < 0.5 else signal.SIGKILL)
     trial.end(process)
-    files = [path for path in (trial.folder / "out").iterdir() if path.is_file() and not path.name.endswith(".part")]
+    files = [path for path in (trial.folder / "out").iterdir() if path.is_file() and path.stat().st_size]
     map_file = trial.folder / "in" / MAP
     if map_file.exists() and (trial.command.name in ("locate", "map", "batch, finding") or not files):
         files.append(map_file)
@@ -220,8 +224,7 @@ def replaced(trial: Faulted, other: Undisturbed | None = None) -> None:
     code = trial.end(process)
     shutil.copyfile(scan, trial.folder / "new")
     shutil.copy2(before, scan)
-    if code not in (trial.known.code if trial.known else 0, 2, 3):
-        trial.broken.append(f"exit code {code}: {trial.said[-1].strip()[-200:]}")
+    _check_code(trial, code, (2, 3))
     kept = trial.command.kept(trial.folder)
     if other is not None and kept and trial.is_right(kept, other):
         # It was replaced before the command had looked at it: all is of the other scan, and none of it may be taken over.
@@ -245,7 +248,16 @@ def picture_replaced(trial: Faulted) -> None:
     shutil.copyfile(folder / pair[1], picture)
     code = trial.end(process)
     shutil.copy2(trial.folder / "before", picture)
-    _judge(trial, code, fine=(2, 3))
+    _check_code(trial, code, (2, 3))
+    kept = trial.command.kept(trial.folder)
+    if trial.known is not None and not trial.is_right(
+        {name: one for name, one in kept.items() if name == pair[0]}, trial.known
+    ):
+        # It was replaced before the command had looked at it. Where that is not so, the next run takes a wrong answer over.
+        trial.struck = False
+        del kept[pair[0]]
+    trial.right(kept, "on disk")
+    trial.again(kept)
 
 
 def slow_disk(trial: Faulted) -> None:
