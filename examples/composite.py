@@ -18,6 +18,7 @@ import bpy
 EXTENSION = "bl_ext.user_default.gssmc"
 # In the scan's coordinates: x right, y down, z into the room, metres.
 FLOOR, BALL, RADIUS = 1.3, (0.45, 1.02, 3.5), 0.28
+QUICK = {"faces": 20_000, "long_side_px": 400}
 LAMP = (0.2, -1.1, 2.6)
 
 
@@ -26,13 +27,14 @@ def main() -> None:
     if addon_utils.enable(EXTENSION) is None:
         raise SystemExit("The GS-SMC extension is not installed; install its zip first (README).")
     sample = make_sample(options.out.resolve())
-    print(make_picture(sample, options.out.resolve(), options.samples))
+    print(make_picture(sample, options.out.resolve(), options.samples, options.quick))
 
 
 def parse_arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="composite.py", description=__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--samples", type=int, default=64, help="of Cycles, for each pixel (64)")
+    parser.add_argument("--quick", action="store_true", help="the known camera and a coarse proxy, to try it out")
     return parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
 
 
@@ -45,15 +47,17 @@ def make_sample(folder: Path) -> Path:
     return folder
 
 
-def make_picture(sample: Path, out: Path, samples: int) -> str:
+def make_picture(sample: Path, out: Path, samples: int, quick: bool = False) -> str:
     """From scan and photo to composite.png: what an artist does with five buttons. Returns the camera's verdict."""
     scene = bpy.context.scene
     for obj in list(bpy.data.objects):
         bpy.data.objects.remove(obj)
     bpy.ops.gssmc.import_splats(filepath=str(sample / "room.ply"))
-    bpy.ops.gssmc.add_photo(filepath=str(sample / "photo.jpg"), camera="NEW", camera_file=str(sample / "start.json"))
-    bpy.ops.gssmc.refine()  # Without a start: find_camera()
-    bpy.ops.gssmc.make_proxy()
+    start = sample / ("truth.json" if quick else "start.json")
+    bpy.ops.gssmc.add_photo(filepath=str(sample / "photo.jpg"), camera="NEW", camera_file=str(start))
+    if not quick:
+        bpy.ops.gssmc.refine()  # Without a start: find_camera()
+    bpy.ops.gssmc.make_proxy(**(QUICK if quick else {}))
     add_ball(scene)
     add_light(scene)
     scene.render.engine, scene.cycles.samples = "CYCLES", samples

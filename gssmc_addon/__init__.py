@@ -53,6 +53,7 @@ from ..operators import (
 )
 from .camera import frame as camera_frame
 from .composite import panel as composite_panel
+from .composite import watch as composite_watch
 from .floor import panel as floor_panel
 from .headless import command as cli
 from .jobs import slot
@@ -143,6 +144,7 @@ def register() -> None:
     viewport.register()
     cards.register()
     marks.register()
+    composite_watch.register()
     preview_watch.register()
     _cli_commands.append(bpy.utils.register_cli_command("gssmc", cli.main))
 
@@ -151,6 +153,7 @@ def unregister() -> None:
     slot.unregister()  # The jobs end first, because a running one uses all the rest.
     preview_watch.unregister()
     cards.unregister()
+    composite_watch.unregister()
     marks.unregister()
     viewport.unregister()
     camera_frame.unregister()

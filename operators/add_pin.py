@@ -11,7 +11,7 @@ from ..core.pose.pins.pin import Pin, check_inside
 from ..gssmc_addon.clicks import surface
 from ..gssmc_addon.jobs.operator import Idle
 from ..gssmc_addon.pins import state
-from ..gssmc_addon.pins.apply import solve_and_keep
+from ..gssmc_addon.pins.apply import solve_and_keep, splat_and_camera
 from ..gssmc_addon.support.operator_parts import NeedsPhoto, PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 
@@ -38,8 +38,7 @@ class GSSMC_OT_add_pin(NeedsPhoto, Idle, PlainOperator, bpy.types.Operator):
     }
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        context.view_layer.update()  # Scripts set locations and expect them to be used.
-        splat, camera = surface.check(context.scene), state.check(context.scene)
+        splat, camera = splat_and_camera(context)
         given = self.properties.is_property_set
         if not (given("photo_x") and given("photo_y")):
             raise RefineError(rpt_("A pin needs its pixel of the photo; give photo_x and photo_y."))
@@ -51,7 +50,7 @@ class GSSMC_OT_add_pin(NeedsPhoto, Idle, PlainOperator, bpy.types.Operator):
             raise RefineError(rpt_("A pin needs its point of the splat; give world, or splat_x and splat_y."))
         pin = Pin((self.photo_x, self.photo_y), point, self.weight)
         check_inside([pin], *state.size_of(camera.data))
-        number = state.add(camera.data, pin) + 1
+        number = state.add(context.scene, camera.data, pin) + 1
         if self.solve:
             return self.done(context, solve_and_keep(context))
         return self.done(context, rpt_('Pin {number} of "{name}" is set.', number=number, name=camera.name))

@@ -45,6 +45,7 @@ class GSSMC_OT_make_proxy(AskingJobOperator, bpy.types.Operator):
         settings = proxy_options.settings_of(self, context)
         cameras = proxy_cameras.cameras_of(scene, splat, camera, self.cameras, self.step)
         job = ProxyJob(scene, splat, cameras, settings)
+        job.doubts = proxy_cameras.doubts(scene, camera, self.cameras)
         problem.begin(self.bl_label)
         return job
 
@@ -52,9 +53,10 @@ class GSSMC_OT_make_proxy(AskingJobOperator, bpy.types.Operator):
         scene, splat = job.find()
         made = proxy_build.put(scene, splat, proxy_build.Made(result, job.cameras), self.use, self.replace)
         values = {"name": made.name, "count": len(result.faces), "views": len(job.cameras)}
+        told = rpt_('"{name}": {count:,} triangles, from {views} cameras.', **values)
         if len(job.cameras) == 1:
-            return self.done(context, rpt_('"{name}": {count:,} triangles, from 1 camera.', **values))
-        return self.done(context, rpt_('"{name}": {count:,} triangles, from {views} cameras.', **values))
+            told = rpt_('"{name}": {count:,} triangles, from 1 camera.', **values)
+        return self.done(context, " ".join([told, job.doubts]).strip(), line=job.doubts)
 
     def _named(self, name: str) -> bpy.types.Object | None:
         """The object of that name, None for "". Raises ProxyError where there is none."""

@@ -7,6 +7,7 @@ from bpy.props import BoolProperty, IntProperty
 
 from ..core.errors import RefineError
 from ..gssmc_addon.jobs.operator import Idle
+from ..gssmc_addon.pins import state
 from ..gssmc_addon.support.operator_parts import PlainOperator
 from ..gssmc_addon.support.texts import rpt_
 
@@ -32,8 +33,9 @@ class GSSMC_OT_remove_pin(Idle, PlainOperator, bpy.types.Operator):
         return super().poll(context)
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        pins = context.scene.camera.data.gssmc.pins
-        number = self.index if self.index >= 0 else len(pins) - 1
+        data = context.scene.camera.data
+        pins, shown = data.gssmc.pins, state.numbers(context.scene, data)
+        number = self.index if self.index >= 0 else (shown or [len(pins) - 1])[-1]
         if self.all:
             pins.clear()
             return self.done(context, rpt_("All pins were removed."))

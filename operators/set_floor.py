@@ -47,8 +47,7 @@ class GSSMC_OT_set_floor(PointSession, Idle, PlainOperator, bpy.types.Operator):
             return self.refuse(str(error))
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        context.view_layer.update()  # Scripts set locations and expect them to be used.
-        splat = surface.check(context.scene)
+        splat = surface.fresh(context)
         if self.method == "AUTO":
             return self._moved(context, splat, motion.onto_dominant_plane(context.scene, splat))
         if not self.properties.is_property_set("points"):

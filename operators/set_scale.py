@@ -59,8 +59,7 @@ class GSSMC_OT_set_scale(PointSession, Idle, PlainOperator, bpy.types.Operator):
         return {"CANCELLED"}
 
     def run(self, context: bpy.types.Context) -> set[str]:
-        context.view_layer.update()  # Scripts set locations and expect them to be used.
-        splat = surface.check(context.scene)
+        splat = surface.fresh(context)
         if not (self.properties.is_property_set("points") and self.properties.is_property_set("distance")):
             raise RefineError(rpt_("The scale needs two points and their distance; give both, or click in a 3D viewport."))
         values = list(self.points)

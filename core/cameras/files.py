@@ -36,6 +36,7 @@ ORDER = "orientation"
 class StartCamera:
     """A rough camera as its file gives it: `intrinsics` is None where the file tells a pose and no lens; `lens_of_size` is the
     lens that it tells for want of the photo's size; `wide` one that intrinsics cannot hold. `pixel_order` as in Camera.
+    `verdict`: what its file says of how it was found, "" where it says nothing.
     """
 
     pose: Pose
@@ -45,6 +46,7 @@ class StartCamera:
     pixel_order: PixelOrder = "upright"
     lens_of_size: LensOfSize | None = None
     wide: WideLens | None = None
+    verdict: str = ""
 
     @property
     def tells_no_lens(self) -> bool:
@@ -177,7 +179,7 @@ def start_from_dict(data: Any, name: str = "The camera") -> StartCamera:
         raise CameraError(f'{name} has the entry "focal_guessed", which is neither true nor false; correct it.')
     try:
         guessed = wide is None and (guessed or lens is None or solved_lens(data))
-        return StartCamera(Pose(R, t), file, lens, guessed, order, wide=wide)
+        return StartCamera(Pose(R, t), file, lens, guessed, order, wide=wide, verdict=str(data.get("verdict", "")))
     except CameraError as error:
         raise CameraError(f"{name} cannot be used: {error}") from None
 

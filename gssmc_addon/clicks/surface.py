@@ -91,6 +91,12 @@ def in_splat(splat: bpy.types.Object, point: Iterable[float]) -> tuple[float, fl
     return x, y, z
 
 
+def fresh(context: bpy.types.Context) -> bpy.types.Object:
+    """As `check`, with all objects where a script has just put them."""
+    context.view_layer.update()
+    return check(context.scene)
+
+
 def check(scene: bpy.types.Scene) -> bpy.types.Object:
     """The scene's splat. Raises RefineError where there is none, CameraError where it is scaled unevenly."""
     splat = splat_object.picked(scene, scene.gssmc.splat)

@@ -144,6 +144,7 @@ def remove(scene: bpy.types.Scene) -> list[str]:
         if item.object and not shared.leave_object(scene, item):
             record.put(item.object, json.loads(item.before))
     _forget(kept)
+    shared.free_objects()
     return [rpt_("These settings did not take back their value: {names}.", names=", ".join(refused))] if refused else []
 
 

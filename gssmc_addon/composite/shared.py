@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 
 import bpy
@@ -42,6 +43,24 @@ def free_lenses() -> None:
     for data in bpy.data.cameras:
         if data.gssmc.overscan != 1 and data.is_editable and holder(data) is None:
             record.zoom_out(data, 1 / data.gssmc.overscan)
+
+
+def note(obj: bpy.types.Object, before: str, after: str) -> None:
+    """Notes on an object what it was before the first composite touched it: the scene that keeps that may be deleted."""
+    obj.gssmc.composite_before = obj.gssmc.composite_before or before
+    obj.gssmc.composite_after = after
+
+
+def free_objects() -> None:
+    """Puts objects back that a composite touched and none has any more, such as those of a scene that was deleted."""
+    touched = [obj for obj in bpy.data.objects if obj.gssmc.composite_before and obj.is_editable]
+    if not touched:
+        return
+    kept = {item.object for scene in bpy.data.scenes for item in scene.gssmc.composite.objects}
+    for obj in (one for one in touched if one not in kept):
+        if json.dumps(record.values(obj, record.OBJECT_PATHS)) == obj.gssmc.composite_after:
+            record.put(obj, json.loads(obj.gssmc.composite_before))
+        obj.gssmc.composite_before = obj.gssmc.composite_after = ""
 
 
 def _others(scene: bpy.types.Scene) -> Iterator[GssmcComposite]:

@@ -9,7 +9,7 @@ import bpy
 from ..proxy.objects import proxies_of
 from ..splat import object as splat_object
 from ..support.texts import rpt_
-from . import record
+from . import record, shared
 from .state import GssmcComposite
 
 CYCLES = "CYCLES"
@@ -48,6 +48,7 @@ def _touch(kept: GssmcComposite, obj: bpy.types.Object, **wanted: bool) -> None:
     item.object, item.before = obj, json.dumps(record.values(obj, record.OBJECT_PATHS))
     record.put(obj, wanted)
     item.after = json.dumps(record.values(obj, record.OBJECT_PATHS))
+    shared.note(obj, item.before, item.after)
 
 
 def _notes(used: list[bpy.types.Object], cycles: bool, holds_out: bool) -> list[str]:

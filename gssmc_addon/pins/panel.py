@@ -7,6 +7,7 @@ import bpy
 from ..photo import image as photo_image
 from ..refine import panel as panels
 from ..support.texts import iface_
+from . import state as pin_state
 
 
 class GSSMC_PT_pins(panels._Sidebar, bpy.types.Panel):
@@ -21,17 +22,18 @@ class GSSMC_PT_pins(panels._Sidebar, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, own, data = self.layout, context.scene.gssmc, context.scene.camera.data
+        shown = pin_state.numbers(context.scene, data)
         layout.operator("gssmc.place_by_pins", icon="PINNED")
-        if not len(data.gssmc.pins):
+        if not shown:
             panels.draw_text(layout, context, iface_("Drag points of the splat to where the photo shows them."))
             return
         column = layout.column(align=True)
-        for number, pin in enumerate(data.gssmc.pins):
-            row = column.row(align=True)
-            said = iface_("{number}: {error:.1f} px", number=number + 1, error=pin.error_px)
-            row.label(text=said if pin.error_px >= 0 else iface_("{number}: not placed", number=number + 1), translate=False)
+        for number, index in enumerate(shown, 1):
+            row, pin = column.row(align=True), data.gssmc.pins[index]
+            said = iface_("{number}: {error:.1f} px", number=number, error=pin.error_px)
+            row.label(text=said if pin.error_px >= 0 else iface_("{number}: not placed", number=number), translate=False)
             row.prop(pin, "weight", text="")
-            row.operator("gssmc.remove_pin", text="", icon="X").index = number
+            row.operator("gssmc.remove_pin", text="", icon="X").index = index
         layout.operator("gssmc.solve_pins", icon="CON_CAMERASOLVER")
         column = layout.column(align=True)
         column.prop(own, "hold_pins")

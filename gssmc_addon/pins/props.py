@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import FloatProperty, FloatVectorProperty
+from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 
 from ...core.pose.pins.pin import MAX_WEIGHT
+
+EVERY = -2_000_000  # no frame of Blender's: of a pin that was kept before pins knew theirs
 
 
 class GssmcPin(bpy.types.PropertyGroup):
@@ -29,6 +31,7 @@ class GssmcPin(bpy.types.PropertyGroup):
             max=MAX_WEIGHT,
             soft_max=100.0,
         ),
+        "frame": IntProperty(name="Frame", description="Of a plate, the frame of the scene at which it was set", default=EVERY),
         "error_px": FloatProperty(
             name="Error (px)", description="How far it lay off when the pins placed the camera last; -1: not yet", default=-1.0
         ),

@@ -10,6 +10,7 @@ import bpy
 from ...core.errors import RefineError
 from ...core.geometry.camera import Camera
 from ...core.pose.pins.pin import Pin
+from ...core.pose.pins.place import PinOptions
 from ...core.pose.pins.report import PinReport
 from ..camera import bridge as camera_bridge
 from ..clicks.session import ClickSession
@@ -125,6 +126,8 @@ class PinSession(ClickSession):
         if not pressed:
             if self._dragged < 0:
                 return {"PASS_THROUGH"}
+            if self._anchor is not None:
+                self._solve(context, self._anchor)  # once more with all care, for moves only follow
             self._dragged, self._anchor = -1, None
             return {"RUNNING_MODAL"}
         photo = self._photo(context)
@@ -140,7 +143,7 @@ class PinSession(ClickSession):
             if point is None:
                 raise RefineError(rpt_("The splat shows nothing there; press on the splat."))
             self._remember(context)
-            found = state.add(camera.data, Pin(photo.to_photo(place), point))
+            found = state.add(context.scene, camera.data, Pin(photo.to_photo(place), point))
         else:
             self._remember(context)
         self._dragged, self._anchor = found, state.camera_of(context.scene, camera, splat)
@@ -152,15 +155,25 @@ class PinSession(ClickSession):
         if photo is None or self._anchor is None or self._dragged >= len(camera.data.gssmc.pins):
             return
         camera.data.gssmc.pins[self._dragged].photo = photo.to_photo(self._place(event))
-        self._solve(context, self._anchor)
+        self._solve(context, self._anchor, self._report.camera if self._report else None)
 
-    def _solve(self, context: bpy.types.Context, start: Camera) -> None:
-        """The camera follows its pins. Raises GssmcError."""
-        camera, splat = self._objects(context)
-        self._report = state.solve(start, camera.data, focal=self._focal) if camera.data.gssmc.pins else None
-        if self._report is not None:
-            state.show(context.scene, camera, splat, self._report)
-            self._area.header_text_set(self._report.reasons[0])
+    def _solve(self, context: bpy.types.Context, start: Camera, last: Camera | None = None) -> None:
+        """The camera follows its pins; where they lead nowhere it stays, and the header says why. `last`: as in PinOptions.
+
+        Raises GssmcError.
+        """
+        options = PinOptions(focal_35mm=self._focal, last=last)
+        (camera, splat), scene = self._objects(context), context.scene
+        self._report, told = None, None
+        if state.numbers(scene, camera.data):
+            try:
+                self._report = state.solve(scene, start, camera.data, options)
+            except RefineError as error:
+                told = str(error)
+            else:
+                state.show(scene, camera, splat, self._report)
+                told = self._report.reasons[0]
+        self._area.header_text_set(told)
         self.redraw()
 
     def _under(self, context: bpy.types.Context, event: bpy.types.Event) -> int:
@@ -169,8 +182,10 @@ class PinSession(ClickSession):
         if photo is None or camera is None:
             return -1
         here, reach = self._place(event), GRAB_PX * (context.preferences.system.ui_scale or 1.0)
-        away = [math.dist(photo.to_region(pin.photo), here) for pin in state.of(camera.data)]
-        return away.index(min(away)) if away and min(away) <= reach else -1
+        pins = state.of(context.scene, camera.data)
+        away = [math.dist(photo.to_region(pin.photo), here) for pin in pins]
+        near = away and min(away) <= reach
+        return state.numbers(context.scene, camera.data)[away.index(min(away))] if near else -1
 
     def _delete(self, context: bpy.types.Context, event: bpy.types.Event) -> None:
         found, (camera, splat) = self._under(context, event), self._objects(context)
@@ -191,7 +206,7 @@ class PinSession(ClickSession):
     def _remember(self, context: bpy.types.Context) -> None:
         camera, splat = self._objects(context)
         now = state.camera_of(context.scene, camera, splat)
-        self._past.append(_Moment(tuple(state.of(camera.data)), now))
+        self._past.append(_Moment(tuple(state.of(context.scene, camera.data)), now))
 
     def _take_back(self, context: bpy.types.Context) -> None:
         """Blender's own undo cannot be used within an operator."""
@@ -199,11 +214,11 @@ class PinSession(ClickSession):
             return
         camera, splat = self._objects(context)
         moment = self._past.pop()
-        state.put(camera.data, moment.pins)
+        state.put(context.scene, camera.data, moment.pins)
         camera_bridge.write_camera(context.scene, camera, splat, moment.camera)
         self._dragged, self._anchor, self._report = -1, None, None
         if moment.pins:
-            self._report = state.solve(moment.camera, camera.data, focal=self._focal)
+            self._solve(context, moment.camera)
         self.redraw()
 
     def _clean(self, context: bpy.types.Context) -> None:

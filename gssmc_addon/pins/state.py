@@ -12,41 +12,53 @@ from ...core.errors import CameraError, PhotoError, RefineError
 from ...core.geometry.camera import Camera
 from ...core.photos.photo import photo_facts
 from ...core.pose.pins.pin import Pin
-from ...core.pose.pins.place import LEAST, PinLens, PinOptions, place_by_pins
+from ...core.pose.pins.place import LEAST, PinOptions, place_by_pins
 from ...core.pose.pins.report import PinReport
 from ..camera import bridge as camera_bridge
 from ..camera import channels as camera_channels
 from ..camera import solution as camera_solution
 from ..camera.record import SolvedCamera
 from ..photo import image as photo_image
+from ..plate import source as plate_source
 from ..support.texts import rpt_
+from .props import EVERY
 
 PINNED = "pinned"  # the verdict of a camera that pins alone place
 
 
-def of(data: bpy.types.Camera) -> list[Pin]:
-    """The camera's pins, in the coordinates of the splat's object."""
-    return [Pin((p.photo[0], p.photo[1]), (p.world[0], p.world[1], p.world[2]), p.weight) for p in data.gssmc.pins]
+def numbers(scene: bpy.types.Scene, data: bpy.types.Camera) -> list[int]:
+    """Which of the camera's pins lie in the photo that the scene shows: all of a still, of a plate those of this frame."""
+    image, pins = photo_image.photo_of(data), data.gssmc.pins
+    clip = any(slot.source == "MOVIE_CLIP" and slot.clip for slot in data.background_images)
+    if not (image.source in plate_source.MOVING if image else clip):
+        return list(range(len(pins)))
+    return [number for number, pin in enumerate(pins) if pin.frame in (EVERY, scene.frame_current)]
 
 
-def put(data: bpy.types.Camera, pins: Sequence[Pin]) -> None:
-    """Makes these the camera's pins; what was measured of the earlier ones is forgotten."""
-    kept = data.gssmc.pins
-    kept.clear()
+def of(scene: bpy.types.Scene, data: bpy.types.Camera) -> list[Pin]:
+    """The camera's pins in the photo that the scene shows, in the coordinates of the splat's object."""
+    kept = (data.gssmc.pins[number] for number in numbers(scene, data))
+    return [Pin((p.photo[0], p.photo[1]), (p.world[0], p.world[1], p.world[2]), p.weight) for p in kept]
+
+
+def put(scene: bpy.types.Scene, data: bpy.types.Camera, pins: Sequence[Pin]) -> None:
+    """Makes these the pins of the photo that the scene shows; what was measured of the earlier ones is forgotten."""
+    for number in reversed(numbers(scene, data)):
+        data.gssmc.pins.remove(number)
     for pin in pins:
-        add(data, pin)
+        add(scene, data, pin)
 
 
-def add(data: bpy.types.Camera, pin: Pin) -> int:
+def add(scene: bpy.types.Scene, data: bpy.types.Camera, pin: Pin) -> int:
     """A further pin; its number, from 0."""
     one = data.gssmc.pins.add()
-    one.photo, one.world, one.weight = pin.photo, pin.world, pin.weight
+    one.photo, one.world, one.weight, one.frame = pin.photo, pin.world, pin.weight, scene.frame_current
     return len(data.gssmc.pins) - 1
 
 
 def held(scene: bpy.types.Scene, data: bpy.types.Camera) -> tuple[Pin, ...]:
     """The pins that a refinement is to hold: none unless that was asked for."""
-    return tuple(of(data)) if scene.gssmc.hold_pins else ()
+    return tuple(of(scene, data)) if scene.gssmc.hold_pins else ()
 
 
 def size_of(data: bpy.types.Camera) -> tuple[int, int]:
@@ -73,16 +85,16 @@ def focal_35mm(data: bpy.types.Camera) -> float | None:
         return None
 
 
-def solve(start: Camera, data: bpy.types.Camera, lens: PinLens = "auto", focal: float | None = None) -> PinReport:
+def solve(scene: bpy.types.Scene, start: Camera, data: bpy.types.Camera, options: PinOptions) -> PinReport:
     """Where the camera's pins place it, near `start`. Raises RefineError, CameraError."""
-    return place_by_pins(start, of(data), PinOptions(lens, focal))
+    return place_by_pins(start, of(scene, data), options)
 
 
 def show(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, report: PinReport) -> None:
     """Moves the camera to where the pins place it, and notes their errors; says nothing of it yet. Raises CameraError."""
     camera_bridge.write_camera(scene, camera, splat, report.camera)
-    for pin, error in zip(camera.data.gssmc.pins, report.errors_px, strict=True):
-        pin.error_px = error if math.isfinite(error) else -1.0
+    for number, error in zip(numbers(scene, camera.data), report.errors_px, strict=True):
+        camera.data.gssmc.pins[number].error_px = error if math.isfinite(error) else -1.0
 
 
 def keep(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.types.Object, report: PinReport) -> str:
@@ -109,7 +121,7 @@ def errors_now(scene: bpy.types.Scene, camera: bpy.types.Object, splat: bpy.type
     """Of each pin the pixel of the photo, and the one at which the camera sees its point now, None behind it. Raises
     CameraError, RefineError.
     """
-    now, pins = camera_of(scene, camera, splat), of(camera.data)
+    now, pins = camera_of(scene, camera, splat), of(scene, camera.data)
     if not pins:
         return []
     seen = now.intrinsics.project(now.pose.transform([pin.world for pin in pins]))

@@ -30,6 +30,25 @@ def cameras_of(
     return _of_plate(camera, step) if which == "PLATE" else [_copied(scene, splat, camera)]
 
 
+def doubts(scene: bpy.types.Scene, camera: bpy.types.Object | None, which: str) -> str:
+    """Sentences on cameras that `cameras_of` leaves out, or takes although they are to be checked or failed; "" on none."""
+    if which != "PHOTOS":
+        verdict = camera_solution.verdict(scene, camera) if camera is not None else ""
+        name = camera.name if camera is not None else ""
+        if verdict == "FAILED":
+            return rpt_('"{name}" failed to be refined; the mesh is what it sees from where it stands.', name=name)
+        return (
+            rpt_('"{name}" should be checked by eye; a wrong camera bends the mesh.', name=name) if verdict == "CHECK" else ""
+        )
+    verdicts = [camera_solution.verdict(scene, one) for one in photo_list.cameras(scene)]
+    out, checked = sum(verdict not in SOLVED for verdict in verdicts), verdicts.count("CHECK")
+    told = [
+        rpt_("Left out: photos without a camera that holds, {count} of {all}.", count=out, all=len(verdicts)) if out else "",
+        rpt_("Cameras that should be checked by eye: {count}; a wrong one bends the mesh.", count=checked) if checked else "",
+    ]
+    return " ".join(sentence for sentence in told if sentence)
+
+
 def _copied(scene: bpy.types.Scene, splat: bpy.types.Object, camera: bpy.types.Object) -> Camera:
     """As the camera stands and looks now, at the size of its photo, or of the render where it has none. Its file is the
     camera's name.

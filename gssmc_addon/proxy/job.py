@@ -25,6 +25,7 @@ class ProxyJob(Job):
     """Its result is the ProxyMesh, in the splat object's coordinates."""
 
     status = n_("Making the proxy    Esc: cancel")
+    doubts = ""  # of its cameras, to be said at the end
 
     def __init__(
         self, scene: bpy.types.Scene, splat: bpy.types.Object, cameras: Sequence[Camera], settings: ProxySettings

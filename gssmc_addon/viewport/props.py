@@ -128,6 +128,14 @@ class GssmcObject(bpy.types.PropertyGroup):
             max=1.0,
             update=_changed,
         ),
+        "composite_before": StringProperty(
+            name="Before Composite",
+            description="What a composite changed of the object, as it was before, as JSON",
+            options={"HIDDEN"},
+        ),
+        "composite_after": StringProperty(
+            name="In Composite", description="The same as the composite has it, as JSON", options={"HIDDEN"}
+        ),
         "proxy_of": PointerProperty(
             name="Proxy Of",
             description="The splat that this mesh stands for",

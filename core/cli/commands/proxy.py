@@ -73,15 +73,23 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _cameras(path: Path) -> Sequence[Camera]:
-    """The cameras of a file that have a lens, or a pinhole in the middle of a wider one; what is left out is said. Raises
-    CameraError where none has.
+    """The cameras of a file that have a lens, or a pinhole in the middle of a wider one, without those that failed; what
+    is left out or in doubt is said. Raises CameraError where none is left.
     """
     found = starts(path)
     for note in found.notes:
         message(note)
-    known = [start.known_camera() for start in found.placed if start.intrinsics is not None or start.wide is not None]
-    if not known:
+    lensed = [start for start in found.placed if start.intrinsics is not None or start.wide is not None]
+    if not lensed:
         raise CameraError(f"No camera of '{path.name}' has a place and a lens of a known size; give width, height, fx and fy.")
-    if len(known) < found.count:
-        message(f"Left out of '{path.name}': {found.count - len(known)} of {counted(found.count, 'camera')}, which lack one.")
-    return known
+    if len(lensed) < found.count:
+        message(f"Left out of '{path.name}': {found.count - len(lensed)} of {counted(found.count, 'camera')}, which lack one.")
+    held = [start for start in lensed if start.verdict != "failed"]
+    if not held:
+        raise CameraError(f"Every camera of '{path.name}' failed, so that none shows the place; refine the photos first.")
+    if len(held) < len(lensed):
+        message(f"Left out of '{path.name}': {len(lensed) - len(held)} of {counted(len(lensed), 'camera')}, which failed.")
+    doubted = sum(start.verdict == "check" for start in held)
+    if doubted:
+        message(f"Of '{path.name}', {counted(doubted, 'camera')} should be checked by eye; a wrong one bends the mesh.")
+    return [start.known_camera() for start in held]

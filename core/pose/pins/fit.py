@@ -10,7 +10,7 @@ import numpy as np
 from ...geometry.camera import FloatArray, Pose, pose_error
 from ...geometry.lie import left_jacobian_inverse, so3_log
 from ..final.pinned import PinnedPoints
-from ..shared.least_squares import NormalEquations, levenberg_marquardt
+from ..shared.least_squares import MAX_STEPS, NormalEquations, levenberg_marquardt
 from ..shared.lens import CameraUnknowns, Free, LensPrior
 
 # Whoever drags a pin has the camera about right: it stands within this of its distance to the pins, and is turned by no more.
@@ -20,6 +20,8 @@ CHOICE_RATIO, CHOICE_DEG = 1.0, 60.0
 # pixels came out half as far off in their worst tenth as without it (benchmarks/pins.py).
 HELD_RATIO, HELD_DEG = 0.12, 15.0
 REFITS = 2
+# A fit ends where the cost falls by less than this share of it: far below what a click tells.
+MIN_GAIN = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +75,13 @@ class PinProblem:
         return NormalEquations(e.cost + self.lens_cost(camera) + wish.cost, gradient, information)
 
 
-def fit_pins(start: CameraUnknowns, problem: PinProblem, near: Near) -> CameraUnknowns:
-    """The camera of least cost near `start`."""
-    return levenberg_marquardt(start, partial(problem.equations, near=near), lambda c, step: c.moved(step, problem.free))
+def fit_pins(start: CameraUnknowns, problem: PinProblem, near: Near, max_steps: int = MAX_STEPS) -> CameraUnknowns:
+    """The camera of least cost near `start`, as far as `max_steps` lead."""
+
+    def move(camera: CameraUnknowns, step: FloatArray) -> CameraUnknowns:
+        return camera.moved(step, problem.free)
+
+    return levenberg_marquardt(start, partial(problem.equations, near=near), move, MIN_GAIN, max_steps)
 
 
 def settled(camera: CameraUnknowns, problem: PinProblem, near: Near) -> CameraUnknowns:

@@ -41,6 +41,11 @@ SAME_PCT, SAME_DEG = 1.0, 1.0
 DOUBTFUL_PCT = 10.0
 # A click's deviation, as the pins of one camera show it themselves, counts against PIN_PX as much as so many measurements.
 PRIOR_COUNT = 4.0
+# Points whose spread beside a line is less than this share of that along it lie on the line: pins across half of a photo are
+# clicked no better.
+LINE = 0.01
+# Steps of a fit that follows a mouse: the next move goes on from there.
+FOLLOWED = 8
 # What nearness counts where nobody knows where the camera stands: enough to keep the equations solvable.
 UNKNOWN = 1e-8
 # Pins whose errors are so many times what a hand does contradict each other.
@@ -50,32 +55,43 @@ CONTRADICTED = 4.0
 @dataclass(frozen=True)
 class PinOptions:
     """`lens`: what of it is solved for: "auto" the focal length where that is a guess, from four pins on; `focal_35mm`: what
-    the photo's EXIF says of it (mm); `start_known`: whether the start camera stands about right, so that the answer is near.
+    the photo's EXIF says of it (mm); `start_known`: whether the start camera stands about right, so that the answer is near;
+    `last`: the answer for nearly the same pins, as while one of them is dragged: where the camera that follows from it alone
+    shows the pins well, no other one is looked for, which takes a fraction of the time.
     """
 
     lens: PinLens = "auto"
     focal_35mm: float | None = None
     start_known: bool = True
+    last: Camera | None = None
 
 
 def place_by_pins(start: Camera, pins: Sequence[Pin], options: PinOptions | None = None) -> PinReport:
     """The camera that shows the points of `pins` at their pixels, near `start` where the pins leave a choice.
 
     `start`: its lens belongs to the photo at its full size, its pose is world-to-camera in the coordinates of the pins. Raises
-    RefineError when there is no pin, or when no camera has the points before it.
+    RefineError when there is no pin, when three and more lie on one line, or when no camera has the points before it.
     """
     began, options = time.perf_counter(), options or PinOptions()
     if not pins:
         raise RefineError("There is no pin to place the camera by; set one on a point of the scan and drag it to the photo's.")
+    if len(pins) >= LEAST and on_one_line(worlds(pins)):
+        raise RefineError(sentences.one_line())
     solves = options.lens == "focal" or (options.lens == "auto" and start.focal_guessed)
     free: Free = FOCAL if solves and len(pins) >= FOCAL_PINS else ()
     prior = LensPrior.of(start, options.focal_35mm)
     placing = _Placing.of(start, tuple(pins), prior.solving(free) if options.lens == "focal" else prior, free)
     placing = placing if options.start_known else replace(placing, nearness=UNKNOWN)
-    found = placing.solve()
+    found = placing.followed(options.last) or placing.solve()
     if not found:
         raise RefineError("No camera has the pinned points before it; check the pins, or move the camera closer to the view.")
     return _report(placing, found, began)
+
+
+def on_one_line(points: FloatArray) -> bool:
+    """Whether points (N, 3) lie on one line or at one place, as far as hands can tell: a camera may then turn around it."""
+    along, across, _ = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(across <= LINE * along)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +119,15 @@ class _Placing:
     @property
     def near(self) -> Near:
         return Near(self.start.pose, self.depth, self.nearness)
+
+    def followed(self, last: Camera | None) -> list[CameraUnknowns]:
+        """The camera of least cost near `last`; none without that, or where half of the pins contradict it."""
+        if last is None or len(self.pins) < LEAST:
+            return []
+        camera = fit_pins(CameraUnknowns(last.pose, last.intrinsics), self.problem, self.near, FOLLOWED)
+        errors, limit = self.points.errors_px(camera), CONTRADICTED * self.points.std_px
+        fits = np.isfinite(errors).all() and np.median(errors) <= limit
+        return [camera] if fits else []
 
     def solve(self) -> list[CameraUnknowns]:
         """The cameras that the pins may mean, the likeliest first; none where all have a point behind them."""

@@ -49,6 +49,10 @@ def spread_out() -> str:
     return "The pins hold the camera loosely; spread them over the photo, and over near and far."
 
 
+def one_line() -> str:
+    return "The pins lie on one line or at one place and hold no camera, which stays where it is; set one beside them."
+
+
 def unbounded() -> str:
     return "The pins leave the camera open, for they lie on one line or at one place; set one beside them."
 

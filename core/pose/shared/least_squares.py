@@ -11,7 +11,6 @@ import numpy as np
 from ...geometry.camera import FloatArray
 
 MAX_STEPS = 30
-# The search ends when the cost falls, or could at best fall, by less than this share of it.
 MIN_GAIN = 1e-7
 MAX_DAMPING = 1e8
 
@@ -47,11 +46,17 @@ def newton_step(information: FloatArray, gradient: FloatArray) -> FloatArray | N
 
 
 def levenberg_marquardt(
-    state: State, equations: Callable[[State], NormalEquations], move: Callable[[State, FloatArray], State]
+    state: State,
+    equations: Callable[[State], NormalEquations],
+    move: Callable[[State, FloatArray], State],
+    min_gain: float = MIN_GAIN,
+    max_steps: int = MAX_STEPS,
 ) -> State:
-    """The state of least cost near `state`; `move(state, step)` applies a step (n,)."""
+    """The state of least cost near `state`; `move(state, step)` applies a step (n,). The search ends when the cost falls, or
+    could at best fall, by less than the share `min_gain` of it, or after `max_steps`.
+    """
     damping, now = 1e-3, equations(state)
-    for _ in range(MAX_STEPS):
+    for _ in range(max_steps):
         diagonal = np.maximum(np.diag(now.information), 1e-12)
         step = newton_step(now.information + damping * np.diag(diagonal), now.gradient)
         if step is None:
@@ -62,11 +67,11 @@ def levenberg_marquardt(
             gain = (now.cost - new.cost) / max(now.cost, 1e-300)
             state, now = trial, new
             damping = max(damping / 10, 1e-9)
-            if gain < MIN_GAIN:
+            if gain < min_gain:
                 break
         else:
             promised = -(now.gradient @ step) - 0.5 * step @ now.information @ step
             damping *= 10
-            if promised < MIN_GAIN * now.cost or damping > MAX_DAMPING:
+            if promised < min_gain * now.cost or damping > MAX_DAMPING:
                 break
     return state

@@ -59,6 +59,7 @@ def test_cg_is_cut_off_where_the_place_hides_it_and_bent_as_the_photo(bpy, place
     assert touched.max() <= 1
 
 
+@pytest.mark.main_only
 def test_the_plate_stays_and_cg_has_shadow_and_the_artists_look(bpy, place, tmp_path):
     scene = place.scene
     scene.view_settings.view_transform, scene.view_settings.exposure, scene.view_settings.gamma = "AgX", 0.5, 1.1
@@ -96,6 +97,7 @@ def test_the_plate_stays_and_cg_has_shadow_and_the_artists_look(bpy, place, tmp_
     np.testing.assert_allclose(np.median(shown[inside], axis=0), plain[round(y), round(x)], atol=2)
 
 
+@pytest.mark.main_only
 def test_the_photo_can_be_straightened_instead(bpy, place, tmp_path):
     scene = place.scene
     scene.view_settings.view_transform = "Standard"
@@ -118,6 +120,7 @@ def test_the_photo_can_be_straightened_instead(bpy, place, tmp_path):
     assert len(bpy.data.images) == images - 1
 
 
+@pytest.mark.main_only
 def test_a_moving_plate_moves(bpy, extension, tmp_path, splat_file):
     frames = [np.full((40, 60, 3), 40 * k + 20, np.uint8) for k in range(4)]
     for number, frame in enumerate(frames, 12):
@@ -136,6 +139,7 @@ def test_a_moving_plate_moves(bpy, extension, tmp_path, splat_file):
         np.testing.assert_allclose(shots.render(bpy, scene, tmp_path / "out.png", 1), frames[offset], atol=1)
 
 
+@pytest.mark.main_only
 def test_a_lens_that_was_solved_since_is_not_lost(bpy, extension, place):
     """Refine while the composite is set up, then remove it: the new lens stays, in a frame that the photo fills again."""
     scene, camera = place.scene, place.scene.camera
@@ -151,6 +155,7 @@ def test_a_lens_that_was_solved_since_is_not_lost(bpy, extension, place):
     assert camera.data.background_images[0].scale == pytest.approx(1)
 
 
+@pytest.mark.main_only
 def test_it_is_set_up_for_another_camera_anew(bpy, extension, place, tmp_path):
     scene = place.scene
     bpy.ops.gssmc.set_up_composite()
@@ -166,6 +171,7 @@ def test_it_is_set_up_for_another_camera_anew(bpy, extension, place, tmp_path):
     assert scene.gssmc.composite.camera == scene.camera
 
 
+@pytest.mark.main_only
 @pytest.mark.parametrize("first_gone", [0, 1])
 def test_two_scenes_that_share_scan_and_proxy_leave_each_other_alone(bpy, extension, place, tmp_path, first_gone):
     scene, window = place.scene, bpy.context.window
@@ -200,6 +206,7 @@ def test_two_scenes_that_share_scan_and_proxy_leave_each_other_alone(bpy, extens
     assert {key for key in before | after if repr(before.get(key)) != repr(after.get(key))} == set()
 
 
+@pytest.mark.main_only
 def test_a_copy_of_the_scene_or_of_the_camera_takes_no_lens_along(bpy, place):
     scene, data, window = place.scene, place.scene.camera.data, bpy.context.window
     slot = data.background_images[0]
@@ -222,12 +229,14 @@ def test_a_copy_of_the_scene_or_of_the_camera_takes_no_lens_along(bpy, place):
         bpy.ops.gssmc.set_up_composite()
 
 
+@pytest.mark.main_only
 def test_a_render_of_a_border_shows_that_part_of_the_plate(bpy, extension, place, tmp_path):
     scene = place.scene
     bpy.data.objects.remove(place.proxy)
     scene.render.use_border = scene.render.use_crop_to_border = True
     scene.render.border_max_x = 0.5
     bpy.ops.gssmc.set_up_composite()
+    scene.render.use_crop_to_border = True  # as one may do afterwards
     got = shots.render(bpy, scene, tmp_path / "part.png", 1)
     half = slice(0, shots.WIDTH // 2)
     assert np.abs(got[:, half] - place.plate[:, half]).max() <= 1
@@ -236,6 +245,7 @@ def test_a_render_of_a_border_shows_that_part_of_the_plate(bpy, extension, place
     assert scene.render.use_border and scene.render.use_crop_to_border
 
 
+@pytest.mark.main_only
 def test_a_frame_of_the_splat_that_is_gone_is_named(bpy, place, tmp_path):
     scene = place.scene
     scene.render.resolution_x, scene.render.resolution_y, scene.frame_end = 32, 24, 3
@@ -248,3 +258,21 @@ def test_a_frame_of_the_splat_that_is_gone_is_named(bpy, place, tmp_path):
         bpy.ops.gssmc.set_up_composite(behind="SPLAT")
     assert bpy.ops.gssmc.render_splat(folder=str(tmp_path / "frames")) == {"FINISHED"}
     assert bpy.ops.gssmc.set_up_composite(behind="SPLAT") == {"FINISHED"}
+
+
+@pytest.mark.main_only
+def test_a_composite_of_a_deleted_scene_leaves_nothing_hidden(bpy, place):
+    scene, camera = place.scene, place.scene.camera.data
+    touched = [scene.gssmc.splat, place.proxy]
+    names = ("hide_render", "is_holdout", "is_shadow_catcher")
+    before = [[getattr(obj, name) for name in names] for obj in touched]
+    other = bpy.data.scenes.new("other")
+    for obj in (*touched, scene.camera):
+        other.collection.objects.link(obj)
+    bpy.context.view_layer.update()
+    bpy.ops.gssmc.set_up_composite()
+    assert touched[0].hide_render and camera.gssmc.overscan > 1
+    bpy.data.scenes.remove(scene)
+    bpy.context.view_layer.update()
+    assert [[getattr(obj, name) for name in names] for obj in touched] == before
+    assert camera.gssmc.overscan == 1

@@ -84,6 +84,31 @@ def test_refine_holds_pins_where_that_is_asked_for_and_a_pinned_camera_outlives_
     assert solved.camera.data.gssmc.verdict == "PINNED" and "photo shows only" in solved.camera.data.gssmc.reasons
 
 
+def test_pins_on_one_line_leave_the_camera_where_it_is(bpy, solved):
+    for number, share in enumerate((0.0, 0.4, 1.0)):
+        point = solved.points[0].lerp(solved.points[1], share)
+        x, y = solved.pixels[0] + share * (solved.pixels[1] - solved.pixels[0])
+        assert bpy.ops.gssmc.add_pin(photo_x=x + 5 * number, photo_y=y, world=point) == {"FINISHED"}
+    before = solved.camera.matrix_world.copy()
+    with pytest.raises(RuntimeError, match="one line"):
+        bpy.ops.gssmc.solve_pins()
+    assert solved.camera.matrix_world == before and solved.camera.data.gssmc.verdict == "NONE"
+
+
+def test_pins_of_a_plate_belong_to_their_frame(bpy, solved):
+    scene, camera, data = solved.scene, solved.camera, solved.camera.data
+    pin(bpy, solved, 0)
+    scene.frame_set(scene.frame_current + 4)
+    pin(bpy, solved, 1)
+    assert len(solved.state.of(scene, data)) == 2, "a still has all of them at all frames"
+    data.gssmc.photo.source = "SEQUENCE"
+    assert solved.state.numbers(scene, data) == [1]
+    assert len(solved.state.errors_now(scene, camera, solved.splat)) == 1
+    solved.state.put(scene, data, [])
+    scene.frame_set(scene.frame_current - 4)
+    assert solved.state.numbers(scene, data) == [0]
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [

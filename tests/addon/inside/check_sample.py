@@ -6,6 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import plan
 import pytest
 
 from core.cameras.files import read_cameras
@@ -19,6 +20,7 @@ def sample(tmp_path_factory):
     return write_sample(tmp_path_factory.mktemp("sample"))
 
 
+@pytest.mark.main_only
 def test_the_camera_comes_home(bpy, sample):
     bpy.ops.gssmc.import_splats(filepath=str(sample.scene))
     scene = bpy.context.scene
@@ -73,11 +75,11 @@ def test_a_guessed_focal_length_is_solved_and_written_back(bpy, sample, tmp_path
     assert data.gssmc.k1 == pytest.approx(truth.dist[0], abs=0.01)
 
 
-@pytest.mark.main_only
 def test_the_example_renders_the_finished_picture(bpy, sample, tmp_path):
-    """From scan and photo: a blue ball behind the chest, with its shadow at its right."""
-    steps = runpy.run_path(str(EXAMPLE), run_name="example")
-    assert steps["make_picture"](sample.scene.parent, tmp_path, 2) == "TRUSTED"
+    """From scan and photo: a blue ball behind the chest, with its shadow at its right. Other Blenders spare the refinement."""
+    steps, quick = runpy.run_path(str(EXAMPLE), run_name="example"), bpy.app.version[:2] != plan.MAIN
+    verdict = steps["make_picture"](sample.scene.parent, tmp_path, 2, quick=quick)
+    assert verdict == ("NONE" if quick else "TRUSTED")
     picture = cv2.imread(str(tmp_path / "composite.png")).astype(int)
     photo = cv2.imread(str(sample.photo)).astype(int)
     assert (

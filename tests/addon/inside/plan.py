@@ -14,7 +14,6 @@ from pathlib import Path
 MAIN = (5, 2)
 BLENDERS = ((4, 5), MAIN, (5, 3))
 LONGEST = (
-    "check_composite",
     "check_docs",
     "check_find",
     "check_fox",
@@ -23,7 +22,6 @@ LONGEST = (
     "check_preview",
     "check_proxy",
     "check_refine",
-    "check_sample",
     "check_sequence",
     "check_texts",
 )

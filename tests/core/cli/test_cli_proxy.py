@@ -61,3 +61,21 @@ def test_wrong_input_is_one_sentence_and_nothing_is_written(room, tmp_path, monk
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
     assert (folder / "room.ply").read_bytes() == before and list(tmp_path.iterdir()) == []
+
+
+def test_cameras_that_failed_are_left_out_and_doubted_ones_told(room, tmp_path, capsys):
+    folder, cameras = room
+    verdicts = ["trusted", "failed", "check"]
+    records = [camera_to_dict(c) | {"verdict": v} for c, v in zip(cameras, verdicts, strict=True)]
+    file, out = tmp_path / "results.json", tmp_path / "proxy.ply"
+    file.write_text(json.dumps({"frames": records}))
+    command = ["proxy", str(folder / "room.ply"), str(file), "--out", str(out), "--faces", "500", "--long-side-px", "80"]
+    assert main([*command, "--threads", "1"]) == 0
+    said = capsys.readouterr()
+    assert "from 2 cameras" in said.out
+    assert "Left out of 'results.json': 1 of 3 cameras, which failed." in said.err
+    assert "1 camera should be checked by eye" in said.err
+    out.unlink()
+    file.write_text(json.dumps({"frames": [records[1]]}))
+    assert main(command) == 2
+    assert "Every camera of 'results.json' failed" in capsys.readouterr().err and not out.exists()

@@ -136,13 +136,32 @@ def test_one_or_two_pins_guide_the_camera_which_moves_little(clicker):
         assert report.errors_px.max() < 3 and distance < 0.15 * DEPTH and degrees < 15
 
 
-def test_pins_on_one_line_are_no_camera_that_is_placed(clicker):
+def test_a_drag_that_follows_the_last_camera_ends_where_a_whole_solve_does(clicker, monkeypatch):
+    truth, pins = clicker.pins(1, 6, near_and_far=1.8, click_px=0)
+    start, (x, y) = perturb_camera(truth, 0.05 * DEPTH, 3.0, 1), pins[-1].photo
+    moves = [[*pins[:-1], replace(pins[-1], photo=(x + left, y))] for left in (12.0, 8.0, 4.0, 0.0)]
+    last = place_by_pins(start, moves[0])
+    monkeypatch.setattr("core.pose.pins.place.rough_cameras", None)  # no other camera is looked for
+    for now in moves[1:]:
+        last = place_by_pins(start, now, PinOptions(last=last.camera))
+    monkeypatch.undo()
+    whole = place_by_pins(start, moves[-1])
+    distance, degrees = pose_error(last.camera.pose, whole.camera.pose)
+    assert distance < 1e-3 * DEPTH and degrees < 0.02
+    far = replace(truth, pose=look_at_pins(pins))  # a last camera from which nothing follows is no loss
+    again = place_by_pins(start, moves[-1], PinOptions(last=far))
+    assert pose_error(again.camera.pose, whole.camera.pose)[0] < 1e-3 * DEPTH
+
+
+@pytest.mark.parametrize("beside", [0.0, 0.005])
+def test_pins_on_one_line_are_refused(clicker, beside):
     truth, _ = clicker.pins(0, 3)
-    line = truth.pose.inverse().transform([(-1.0, 0, 3), (0, 0, 3), (1.0, 0, 3)])
+    line = truth.pose.inverse().transform([(-1.0, 0, 3), (0, beside, 3), (1.0, 0, 3), (0.5, 0, 3)])
     photo = truth.intrinsics.project(truth.pose.transform(line))
     pins = [Pin(tuple(p), tuple(w)) for p, w in zip(photo.tolist(), line.tolist(), strict=True)]
-    report = place_by_pins(perturb_camera(truth, 0.2, 5.0), pins)
-    assert report.state == "doubtful" and any("one line" in reason for reason in report.reasons)
+    for count in (3, 4):
+        with pytest.raises(RefineError, match="one line"):
+            place_by_pins(perturb_camera(truth, 0.2, 5.0), pins[:count])
 
 
 def test_three_pins_that_hold_nothing_are_told_without_numbers():
