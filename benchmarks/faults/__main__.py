@@ -30,7 +30,8 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).resolve().parent)]
 import numpy as np
 import stored
 from commands import COMMANDS, JOBS, Tried
-from kinds import BLENDER_PLAN, KINDS, PLAN, replaced
+from kinds import KINDS, replaced
+from plan import BLENDER_PLAN, PLAN
 from samples import OTHER, SCAN, Samples, make_samples
 from trial import Faulted, Undisturbed, undisturbed
 

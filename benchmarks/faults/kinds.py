@@ -179,7 +179,7 @@ def bytes_damaged(trial: Faulted) -> None:
     if not trial.command.blender and trial.moment(process, trial.rng.uniform(0.5, 1.2)):
         process.send_signal(signal.SIGINT if trial.rng.random() < 0.5 else signal.SIGKILL)
     trial.end(process)
-    files = [path for path in (trial.folder / "out").iterdir() if path.is_file() and path.stat().st_size]
+    files = [path for path in (trial.folder / "out").iterdir() if path.suffix != ".part" and path.stat().st_size]
     map_file = trial.folder / "in" / MAP
     if map_file.exists() and (trial.command.name in ("locate", "map", "batch, finding") or not files):
         files.append(map_file)
@@ -284,35 +284,4 @@ KINDS: dict[str, Callable[[Faulted], None]] = {
     "a picture that kills the decoder": decoder_killed,
     "scan replaced": replaced,
     "picture replaced": picture_replaced,
-}
-# How many of each, by command: batch, batch finding, batch whole, locate, map, track.
-PLAN: dict[str, tuple[int, int, int, int, int, int]] = {
-    "a worker killed": (12, 3, 1, 2, 1, 2),
-    "the command killed": (12, 3, 1, 2, 2, 3),
-    "Ctrl-C": (3, 1, 0, 1, 3, 3),
-    "killed while writing": (10, 2, 0, 1, 2, 2),
-    "disk full": (5, 2, 0, 1, 1, 1),
-    "output read-only": (2, 1, 0, 1, 1, 1),
-    "output folder vanishes": (5, 2, 0, 1, 0, 2),
-    "slow disk": (2, 0, 0, 0, 0, 1),
-    "clock jumps": (5, 2, 0, 1, 1, 1),
-    "two runs on one output": (4, 1, 0, 1, 1, 1),
-    "out of memory": (5, 2, 0, 1, 1, 1),
-    "bytes damaged": (6, 3, 0, 2, 2, 2),
-    "a picture that kills the decoder": (3, 2, 1, 1, 0, 1),
-    "scan replaced": (5, 2, 0, 1, 1, 2),
-    "picture replaced": (3, 1, 0, 0, 0, 1),
-}
-# Jobs inside Blender: refine, find, export.
-BLENDER_PLAN: dict[str, tuple[int, int, int]] = {
-    "a worker killed": (5, 2, 0),
-    "the command killed": (2, 2, 1),
-    "killed while writing": (0, 2, 2),
-    "disk full": (0, 0, 2),
-    "output read-only": (0, 0, 1),
-    "output folder vanishes": (0, 0, 2),
-    "clock jumps": (1, 1, 0),
-    "out of memory": (1, 1, 0),
-    "bytes damaged": (0, 4, 0),
-    "scan replaced": (2, 0, 1),
 }
