@@ -65,11 +65,11 @@ def query_keys(scan: Path, queries: Sequence[BatchQuery], settings: RefineSettin
     """
     options = {name: value for name, value in asdict(settings).items() if name != "threads"}
     models = [stamp(Path(name)) if name else None for name in (settings.model, settings.matcher_model)]
-    common = (KEY_VERSION, scan_file_digest(scan), options, models, finding)
-    return [key_of(common, _given(q), str(q.photo), q.seen[0], str(q.mask or ""), q.seen[1]) for q in queries]
+    common = key_of(KEY_VERSION, scan_file_digest(scan), options, models, finding)  # once, for thousands of photos
+    return [key_of(common, given(q), str(q.photo), q.seen[0], str(q.mask or ""), q.seen[1]) for q in queries]
 
 
-def _given(query: BatchQuery) -> dict[str, Any]:
+def given(query: BatchQuery) -> dict[str, Any]:
     return wanted_to_dict(query.camera.given if isinstance(query.camera, Refused) else query.camera)
 
 
@@ -87,9 +87,10 @@ def stamp(path: Path) -> Stamp:
     return state.st_size, state.st_mtime_ns
 
 
-def scan_file_digest(path: Path) -> str:
-    """Digest of a scan: of each of its files the size, the time of its last change, and BLOCKS blocks spread over its content,
-    both ends among them. Raises SplatFormatError when it cannot be read.
+def scan_file_digest(path: Path, dated: bool = True) -> str:
+    """Digest of a scan: of each of its files the size, the time of its last change (where `dated`: it is another one for a copy
+    of the file), and BLOCKS blocks spread over its content, both ends among them. Raises SplatFormatError when it cannot be
+    read.
 
     A map of the scan is kept under `locate.scan_digest`, of the Gaussians themselves, because Blender has them without a file.
     This one takes some milliseconds whatever the scan's size, where that one needs the whole scan read first: a batch that is
@@ -100,7 +101,7 @@ def scan_file_digest(path: Path) -> str:
         for one in scan_files(path):
             with one.open("rb") as file:
                 size, changed = stamp(one) or (0, 0)
-                digest.update(f"{size} {changed}".encode())
+                digest.update(f"{size} {changed if dated else ''}".encode())
                 for k in range(BLOCKS):
                     file.seek(max(0, size - BLOCK_BYTES) * k // (BLOCKS - 1))
                     digest.update(file.read(BLOCK_BYTES))

@@ -11,6 +11,7 @@ before EXIF turns them; "upright", which is also what a file without it means, t
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,8 @@ from ..support.atomic import atomic_write
 from .types import LensOfSize, lens_of_file
 
 T = TypeVar("T")
+SHAPES = {(): "a number", (3,): "3 numbers", (3, 3): "3 rows of 3 numbers", (-1,): "a list of numbers"}
+LARGEST = 1 << 53  # of the whole numbers that a float64 holds exactly
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 ORDER = "orientation"
 
@@ -210,7 +213,7 @@ def _pixel_order(data: dict[str, Any], name: str) -> PixelOrder:
 
 
 def _lens(data: dict[str, Any], name: str) -> Intrinsics:
-    numbers = {key: float(_numbers(data[key], (), name, key)) for key in NUMBERS}
+    numbers = {key: _number(data[key], name, key) for key in NUMBERS}
     for key in ("width", "height"):
         if not numbers[key].is_integer():
             raise CameraError(f'{name} has the entry "{key}" of {numbers[key]:g} pixels; give a whole number.')
@@ -233,17 +236,21 @@ def _wide(data: Any, name: str) -> WideLens | None:
     return wide
 
 
+def _number(value: Any, name: str, key: str) -> float:
+    """`value` as a number; of a file with thousands of cameras most are plain ones. Raises CameraError."""
+    plain = (type(value) is float and math.isfinite(value)) or (type(value) is int and abs(value) < LARGEST)
+    return float(value if plain else _numbers(value, (), name, key))
+
+
 def _numbers(value: Any, shape: tuple[int, ...], name: str, key: str) -> np.ndarray[Any, np.dtype[np.float64]]:
     """`value` as a float64 array of `shape` (-1 = any length); CameraError when it is anything else."""
-    words = {(): "a number", (3,): "3 numbers", (3, 3): "3 rows of 3 numbers", (-1,): "a list of numbers"}[shape]
-    problem = CameraError(f'{name} has the entry "{key}", which is not {words}; correct it.')
     try:
         array = np.array(value)
-    except ValueError:
-        raise problem from None
-    if array.size and array.dtype.kind not in "if":
-        raise problem
-    fits = array.ndim == 1 if shape == (-1,) else array.shape == shape
-    if not fits or not np.isfinite(array).all():
-        raise problem
-    return array.astype(np.float64)
+        good = array.dtype.kind in "if" or not array.size
+        fits = array.ndim == 1 if shape == (-1,) else array.shape == shape
+        good = good and fits and bool(np.isfinite(array).all())
+    except ValueError:  # rows of different lengths
+        good = False
+    if not good:
+        raise CameraError(f'{name} has the entry "{key}", which is not {SHAPES[shape]}; correct it.')
+    return array.astype(np.float64, copy=False)

@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Callable, Sequence
 
 from ..errors import GssmcError
-from .commands import batch, convert, demo, evaluate, features, locate, pins, proxy, refine, render, stmap, track
+from .commands import batch, convert, demo, evaluate, features, locate, merge, pins, proxy, refine, render, stmap, track
 from .commands import map as make_map
 from .console import message
 from .flags import OneLineParser
@@ -22,6 +22,7 @@ COMMANDS = {
     "locate": locate,
     "pins": pins,
     "batch": batch,
+    "merge": merge,
     "map": make_map,
     "demo": demo,
     "evaluate": evaluate,
@@ -32,7 +33,7 @@ COMMANDS = {
     "features": features,
 }
 WITHOUT_SCENE = frozenset(
-    {"evaluate", "convert", "stmap", "features", "map", "pins", "track", "proxy"}
+    {"evaluate", "convert", "stmap", "features", "map", "merge", "pins", "track", "proxy"}
 )  # a caller that saves scenes has nothing to add to them
 
 
@@ -63,7 +64,7 @@ def main(
     the command's own.
     """
     try:
-        args = build_parser(prog, add_options).parse_args(argv)
+        args = build_parser(prog, add_options).parse_args(argv, argparse.Namespace(outcome_used=on_outcome is not None))
         outcome: Outcome = COMMANDS[args.command].run(args)
         if on_outcome is not None and outcome.scene is not None:
             on_outcome(args, outcome)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ..batch.executors import Executor
 from ..batch.find_one import joined
 from ..batch.keys import BatchQuery, Refused, check_unchanged
+from ..batch.records import LATER, TO_FIND, UNUSABLE
 from ..batch.store import ResultStore
 from ..cameras.training_world import Axes
 from ..cameras.unplaced import wanted_to_dict
@@ -16,7 +19,6 @@ from ..geometry.camera import Camera
 from ..locate import write_map
 from ..pose.report_json import error_to_dict
 from ..pose.settings import RefineSettings
-from ..processes.pool import Pool
 from ..splats import read_splats
 from ..support.scratch import ScratchFolder
 from ..support.words import counted
@@ -25,21 +27,22 @@ from .maps import MapFlags, whole_map
 from .progress import ProgressBar
 
 CHANGED = "The photo or its mask was changed while the batch ran; run the batch again."
-TO_FIND = "to_be_found"  # of a record whose refinement from its start failed, until it has been searched for
 
 
 @dataclass(frozen=True)
 class Rounds:
-    """The work of a batch on the scan `scene`, over so many processes. `flags` None: photos are not searched for;
-    `digest`: that of the scan which the store's keys stand for; `axes`: the world of the starts.
+    """The work of a batch on the scan `scene`. `flags` None: photos are not searched for; `digest`: that of the scan which the
+    store's keys stand for; `axes`: the world of the starts; `shared`: a name for a file that all workers can read, wherever
+    they are.
     """
 
     scene: Path
-    workers: int
+    executor: Executor
     settings: RefineSettings
     flags: MapFlags | None
     digest: str
     axes: Axes = "auto"
+    shared: Path | None = None
 
     def run(self, queries: Sequence[BatchQuery], store: ResultStore) -> None:
         """Puts a record of each query into the store that has none yet."""
@@ -52,8 +55,8 @@ class Rounds:
         said = _Said()
         if from_start:
             work = _Round(queries, store, mark=self.flags is not None)
-            work.run(first, self.workers, from_start, said)
-        to_find = [i for i in range(len(queries)) if i not in store.records or TO_FIND in store.records[i]]
+            work.run(first, self.executor, from_start, said)
+        to_find = [i for i in range(len(queries)) if (gist := store.records.gist(i)) is None or gist.ending == LATER]
         if to_find and self.flags is not None:
             self._find(self.flags, first, to_find, _Round(queries, store), said)
         if said.dropped:
@@ -67,11 +70,24 @@ class Rounds:
         del scene
         made = whole_map(cache)
         del cache  # and the scan with it, which each of the workers is about to hold
+        with self._map_file() as file:
+            write_map(file, made)
+            work.run({**first, "map": str(file), "key": made.key}, self.executor, to_find, said)
+
+    @contextmanager
+    def _map_file(self) -> Iterator[Path]:
+        """A name for the map's file, which vanishes afterwards: among this machine's temporary files, or where other machines'
+        workers read it too.
+        """
+        if self.executor.is_remote and self.shared is not None:
+            try:
+                yield self.shared
+            finally:
+                self.shared.unlink(missing_ok=True)
+            return
         folder = ScratchFolder()
         try:
-            file = folder.path / "map"
-            write_map(file, made)
-            work.run({**first, "map": str(file), "key": made.key}, self.workers, to_find, said)
+            yield folder.path / "map"
         finally:
             folder.remove()
 
@@ -91,10 +107,10 @@ class _Round:
     store: ResultStore
     mark: bool = False
 
-    def run(self, first: dict[str, Any], workers: int, indices: Sequence[int], said: _Said) -> None:
+    def run(self, first: dict[str, Any], executor: Executor, indices: Sequence[int], said: _Said) -> None:
         jobs = [(i, self._job(self.queries[i])) for i in indices]
         label = "Finding" if "map" in first else "Refining"
-        with Pool(first, workers) as pool, ProgressBar(label) as bar:
+        with executor.pool(first) as pool, ProgressBar(label) as bar:
 
             def started(left_out: int) -> None:
                 said.dropped = left_out
@@ -131,10 +147,8 @@ class _Round:
         return joined({name: value for name, value in before.items() if name not in (TO_FIND, "key")}, record)
 
     def _show(self, bar: ProgressBar) -> None:
-        done = [record for record in self.store.records.values() if TO_FIND not in record]
-        unusable = sum("error" in record for record in done)
-        failed = sum(record["verdict"] == "failed" for record in done) - unusable
-        later = len(self.store.records) - len(done)
-        more = [f", {number} {what}" for number, what in ((unusable, "not usable"), (later, "to be found")) if number]
-        text = f"{len(done)} of {len(self.queries)}, {failed} failed" + "".join(more)
-        bar.show(len(done) / len(self.queries), text)
+        endings = self.store.records.endings
+        later, total = endings[LATER], len(self.queries)
+        done = len(self.store.records) - later
+        more = [f", {n} {what}" for n, what in ((endings[UNUSABLE], UNUSABLE), (later, LATER)) if n]
+        bar.show(done / total, f"{done} of {total}, {endings['failed']} failed" + "".join(more))

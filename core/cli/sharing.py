@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..batch.keys import BatchQuery
 from ..batch.lens_groups import lens_groups
 from ..batch.store import ResultStore
-from ..pose.shared_records import share_records, takes_part
+from ..pose.shared_records import share_records
 from ..support.words import counted
 from .console import message, say
 
@@ -23,11 +23,12 @@ def share_lenses(sharing: str, queries: Sequence[BatchQuery], store: ResultStore
     """Puts the records under shared lenses into the store, which holds the photos' own ones, and says one line of each lens.
     The answer depends on these alone, not on the order in which they came.
     """
-    groups = lens_groups(sharing, queries, store.records)
+    solved = [i for i in store.records if (gist := store.records.gist(i)) is not None and gist.shares]
+    groups = lens_groups(sharing, queries, {i: store.records[i] for i in solved})
     if sharing == "one" and len(groups) > 1:
         sizes = ", ".join(f"{g.name} ({counted(len(g.members), 'photo')})" for g in groups)
         message(f"The photos have {len(groups)} sizes, and only photos of one size can share a lens: {sizes}.")
-    if sharing == "auto" and not groups and any(takes_part(record) for record in store.records.values()):
+    if sharing == "auto" and not groups and solved:
         message("No lens is shared, because no photo's EXIF tells its camera; if one camera took them, use --shared-lens one.")
     for group in groups:
         name, members = group.name, group.members

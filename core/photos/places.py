@@ -36,7 +36,7 @@ class PhotoFinder:
         if not plain:
             return None
         for known in dict.fromkeys((plain, file_name(plain))):
-            tries = [place / known for place in self._places]
+            tries = (place / known for place in self._places)
             exact = next((file for file in tries if file.is_file()), None)
             alike = (self.alike(place, parts_of(known)) for place in self._places)
             found = exact or next((file for file in alike if file is not None), None)

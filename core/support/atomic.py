@@ -28,7 +28,7 @@ def atomic_write(path: str | Path, mode: str = "w", *, one_of_many: bool = False
     """
     target = Path(os.path.realpath(path))
     target.parent.mkdir(parents=True, exist_ok=True)
-    part = target.with_name(f".{target.name}.{secrets.token_hex(4)}{PART}")
+    part = part_of(target)
     # 0o666 less what the process's umask takes away, as for any file that is opened
     handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
@@ -44,6 +44,12 @@ def atomic_write(path: str | Path, mode: str = "w", *, one_of_many: bool = False
         raise
     if not one_of_many:
         remove_old_parts(target)
+
+
+def part_of(path: str | Path) -> Path:
+    """A new name for a file of use while `path` is made, which `remove_parts` removes where a killed process left it."""
+    target = Path(os.path.realpath(path))
+    return target.with_name(f".{target.name}.{secrets.token_hex(4)}{PART}")
 
 
 def check_writable(path: str | Path) -> None:

@@ -8,37 +8,42 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+from ...batch.executors import EXECUTORS, Executor
+from ...batch.farm.shards import Shard, own_head, shard_head
 from ...batch.keys import BatchQuery, query_keys, scan_file_digest
 from ...batch.lens_groups import SHARING
 from ...batch.queries import find_queries
+from ...batch.records import LATER, KeptRecords
 from ...batch.store import ResultStore
-from ...cameras import pose_list, short
 from ...cameras.files import camera_from_dict
-from ...cameras.training_world import AXES, TAKEN
+from ...cameras.training_world import AXES
 from ...errors import UsageError
 from ...photos.mask import find_mask
 from ...pose.presets import PRESETS
 from ...pose.settings import RefineSettings
 from ...splats import check_splat_file
+from ...support.atomic import part_of
 from ...support.words import counted
-from ..console import message, say
+from ..console import message
 from ..flags import MASK_HELP, SCENE_HELP, add_axes_flag, add_settings_flags, number, settings_from, whole_number
 from ..maps import MapFlags, add_map_flags, check_results
-from ..outcome import FAILED_VERDICT, INTERRUPTED, OK, Outcome, has_camera, shown
+from ..outcome import INTERRUPTED, OK, Outcome, has_camera, shown
 from ..paths import check_outputs
-from ..rounds import TO_FIND, Rounds
+from ..result import EXIT_ZERO_HELP, say_endings, write_poses
+from ..rounds import Rounds
 from ..sharing import SHARED_LENS_HELP, share_lenses
 
-UNUSABLE = "not usable"  # of a photo that could not be tried at all
-ENDINGS = ("trusted", "check", "failed", UNUSABLE)
-LISTED = 10  # photos that are named when a batch ends
-
-Record = dict[str, Any]
+EXECUTOR_HELP = (
+    "local: processes of this machine, dask: the workers of a Dask cluster, which read scan and photos by the same paths "
+    f"({EXECUTORS[0]})"
+)
+SHARD_HELP = (
+    "only every N-th photo, from the I-th on, into RESULTS.shard-I-of-N.json; N machines do all of them, and merge joins the "
+    "files"
+)
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
@@ -55,7 +60,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     workers = os.cpu_count() or 1
     workers_help = f"processes, each holds the scan ({workers})"
     parser.add_argument("--workers", type=whole_number, default=workers, metavar="N", help=workers_help)
+    parser.add_argument("--executor", choices=EXECUTORS, default=EXECUTORS[0], help=EXECUTOR_HELP)
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://host:8786 (one is started here)"
+    )
     parser.add_argument("--shared-lens", choices=SHARING, default="auto", help=SHARED_LENS_HELP)
+    parser.add_argument("--shard", metavar="I/N", help=SHARD_HELP)
+    parser.add_argument("--exit-zero", action="store_true", help=EXIT_ZERO_HELP)
     add_axes_flag(parser)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser, skip=("threads",))
@@ -70,32 +81,55 @@ def run(args: argparse.Namespace) -> Outcome:
         message(sentence)
     masks = _mask_files(args.mask, found.photos)
     queries = [BatchQuery(*one) for one in zip(found.cameras, found.photos, masks, strict=True)]
-    if args.workers < 1:
-        raise UsageError(f"--workers is {args.workers}; give at least 1.")
+    executor = _executor(args)
+    shard = None if args.shard is None else Shard.parse(args.shard)
+    if shard is not None:
+        args.out = shard.file(args.out)
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
-    digest = scan_file_digest(args.scene)
-    store = ResultStore(args.out, query_keys(args.scene, queries, settings, _word(args, flags)))
+    digest, searching = scan_file_digest(args.scene), flags if args.locate else None
+    rounds = Rounds(args.scene, executor, settings, searching, digest, args.axes, part_of(args.out))
+    queries, store = _store(args, queries, settings, _word(args, flags))
     try:
         with store:
             kept = _finished(store)
             if kept:
                 be = "was finished before and is" if kept == 1 else "were finished before and are"
                 message(f"{kept} of {counted(len(queries), 'photo')} {be} kept.")
-            searching = flags if args.locate else None
-            Rounds(args.scene, args.workers, settings, searching, digest, args.axes).run(queries, store)
-            share_lenses(args.shared_lens, queries, store)
+            rounds.run(queries, store)
+            if args.shard is None:
+                share_lenses(args.shared_lens, queries, store)
     except KeyboardInterrupt:
         done = f"{_finished(store)} of {counted(len(queries), 'photo')}"
         message(f"Interrupted; {done} finished, in '{args.out}'. The same command goes on with the others.")
         return Outcome(INTERRUPTED)
-    records = [store.records[i] for i in range(len(queries))]
-    _say_lost(records, args.out)
-    counts = Counter(_ending(record) for record in records)
-    endings = [ending for ending in ENDINGS if ending != UNUSABLE or counts[ending]]
-    say(", ".join(f"{counts[ending]} {ending}" for ending in endings) + f"; results in {args.out}")
-    code = FAILED_VERDICT if counts["failed"] or counts[UNUSABLE] else OK
-    return _outcome(args, code, queries, records)
+    code = say_endings(store.records, args.out)
+    return _outcome(args, OK if args.exit_zero else code, queries, store.records)
+
+
+def _executor(args: argparse.Namespace) -> Executor:
+    """Where the photos are done. Raises UsageError, also where the shard is asked for what it cannot give."""
+    if args.workers < 1:
+        raise UsageError(f"--workers is {args.workers}; give at least 1.")
+    if args.shard is not None and args.poses is not None:
+        raise UsageError("--poses is of all photos, and --shard does some of them; give --poses to merge.")
+    executor = Executor(args.workers, args.executor, args.scheduler)
+    executor.check()
+    return executor
+
+
+def _store(
+    args: argparse.Namespace, queries: list[BatchQuery], settings: RefineSettings, word: str
+) -> tuple[list[BatchQuery], ResultStore]:
+    """The queries that are done here, and where their results go."""
+    if args.shard is None:
+        return queries, ResultStore(args.out, query_keys(args.scene, queries, settings, word))
+    shard = Shard.parse(args.shard)
+    own = [queries[i] for i in shard.of(len(queries))]
+    message(f"{str(shard).capitalize()}: {len(own)} of {counted(len(queries), 'photo')}.")
+    keys = query_keys(args.scene, own, settings, word)
+    shared = {**shard_head(args.scene, queries, settings, word), "shared_lens": args.shared_lens}
+    return own, ResultStore(args.out, keys, own_head(shared, shard, own, keys))
 
 
 def _word(args: argparse.Namespace, flags: MapFlags) -> str:
@@ -104,40 +138,19 @@ def _word(args: argparse.Namespace, flags: MapFlags) -> str:
 
 
 def _finished(store: ResultStore) -> int:
-    return sum(TO_FIND not in record for record in store.records.values())
+    return len(store.records) - store.records.endings[LATER]
 
 
-def _ending(record: Record) -> str:
-    """One of ENDINGS."""
-    return UNUSABLE if "error" in record else str(record["verdict"])
-
-
-def _say_lost(records: Sequence[Record], out: Path) -> None:
-    """Tells which photos failed or could not be used, and why; of many the first."""
-    lost = [record for record in records if _ending(record) in ("failed", UNUSABLE)]
-    for record in lost[:LISTED]:
-        ending = "failed" if "error" not in record else "could not be used"
-        name = f"'{short(record['file'])}' {ending}: " if record["file"] else ""
-        message(f"{name}{' '.join(record['reasons'][0].split())}")
-    if len(lost) > LISTED:
-        message(f"... and {len(lost) - LISTED} more in '{out}'.")
-    told = Counter(reason for record in records for reason in record["reasons"] if reason.startswith(TAKEN))
-    for sentence, count in told.items():
-        message(sentence if count == 1 else f"In {count} of {counted(len(records), 'photo')}: {sentence}")
-    nowhere = sum(record["R"] is None and "error" not in record for record in records)
-    if nowhere:
-        be, have = ("was", "it has") if nowhere == 1 else ("were", "they have")
-        message(f"{nowhere} of {counted(len(records), 'photo')} had no start and {be} not found, so {have} no pose.")
-
-
-def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], records: Sequence[Record]) -> Outcome:
-    """The outcome, of the photos that have a camera; the poses are written where they are asked for."""
-    placed = [i for i, record in enumerate(records) if has_camera(record)]
-    cameras = tuple(camera_from_dict(records[i]) for i in placed)
+def _outcome(args: argparse.Namespace, code: int, queries: Sequence[BatchQuery], records: KeptRecords) -> Outcome:
+    """The outcome, of the photos that have a camera; the poses are written where they are asked for. Of thousands of photos,
+    no camera is made that nobody asks for.
+    """
     if args.poses is not None:
-        tried = [camera for i, camera in zip(placed, cameras, strict=True) if "error" not in records[i]]
-        pose_list.write(args.poses, [(camera.file, camera.pose) for camera in tried])
-    found = [shown(camera, queries[i].photo) for i, camera in zip(placed, cameras, strict=True)]
+        write_poses(args.poses, records)
+    if not args.outcome_used:
+        return Outcome(code, args.scene)
+    placed = {i: camera_from_dict(record) for i in sorted(records) if has_camera(record := records[i])}
+    found = [shown(camera, queries[i].photo) for i, camera in placed.items()]
     masks = tuple(queries[i].mask if photo else None for i, (_, photo) in zip(placed, found, strict=True))
     return Outcome(code, args.scene, tuple(one[0] for one in found), tuple(one[1] for one in found), masks=masks)
 

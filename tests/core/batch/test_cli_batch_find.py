@@ -9,6 +9,7 @@ import pytest
 from cli_place import FAST, SIZE, Place, hurt_readers
 
 from core import cameras as datasets
+from core.batch.records import TO_FIND
 from core.cameras.files import camera_from_dict, camera_to_dict
 from core.cli import rounds
 from core.cli.main import main
@@ -88,7 +89,7 @@ def test_every_kind_of_record_gets_its_answer_and_one_bad_one_ends_nothing(place
         assert near(found[k], place.truths[truth], ratio)
         assert found[k]["hypothesis"]["inliers"] >= 25
     assert "searched for without it" in found[3]["reasons"][-1]
-    assert not [f for f in found if rounds.TO_FIND in f]
+    assert not [f for f in found if TO_FIND in f]
     for k in (0, 6):
         assert not {"width", "height", "fx", "fy"} & set(found[k])  # nobody knows the lens of a photo that cannot be read
     captured = capsys.readouterr()
@@ -160,7 +161,7 @@ def test_a_batch_interrupted_before_the_search_searches_the_next_time(place, tmp
         patch.setattr(rounds, "whole_map", interrupt)
         assert batch(place, file, out, *VIEWS) == 130
     first = frames(out)
-    assert (first[0]["verdict"], first[0][rounds.TO_FIND]) == ("failed", True)
+    assert (first[0]["verdict"], first[0][TO_FIND]) == ("failed", True)
     assert first[1]["verdict"] != "failed"
     capsys.readouterr()
     hurt_readers(tmp_path / "hook", monkeypatch)
@@ -169,7 +170,7 @@ def test_a_batch_interrupted_before_the_search_searches_the_next_time(place, tmp
     second = frames(out)
     assert second[1] == first[1]
     assert near(second[0], place.truths[0])
-    assert rounds.TO_FIND not in second[0]
+    assert TO_FIND not in second[0]
     assert len(list((tmp_path / "hook").glob("*.pid"))) == 1  # one job, and no refinement from the start again
 
 

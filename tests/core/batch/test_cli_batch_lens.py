@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from cli_place import FAST, Place, hurt_readers
 
-from core.batch.store import own_record
 from core.cameras.files import camera_from_dict
 from core.cli.main import main
 from core.geometry.camera import pose_error
+from core.pose.shared_records import own_record
+from core.support.sealed import sealed
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +45,7 @@ def test_photos_share_their_lens_and_get_their_own_back_without_refining(place, 
         assert camera_from_dict(frame).focal_guessed, "a shared lens is no calibration"
 
     hurt_readers(tmp_path / "hook", monkeypatch)  # counts the workers from here on
-    own = [own_record(f) for f in shared]
+    own = [sealed(own_record(f)) for f in shared]
     for sharing in ("off", "auto"):  # the photos tell no camera
         assert batch(place, out, "--shared-lens", sharing) == 0
         assert frames(out) == own

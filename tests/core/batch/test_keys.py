@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.batch.executors import Executor
 from core.batch.keys import BLOCK_BYTES, BLOCKS, BatchQuery, check_unchanged, key_of, query_keys, scan_file_digest
 from core.batch.store import ResultStore
 from core.cli.rounds import Rounds
@@ -132,7 +133,7 @@ def test_a_scan_that_is_replaced_before_a_worker_reads_it_ends_the_batch_without
         check_unchanged(scan, digest)
     with ResultStore(out, ["key"]) as store:
         with pytest.raises(SplatFormatError, match="was changed while it was being used"):
-            Rounds(scan, 1, RefineSettings(), None, digest).run([query], store)
+            Rounds(scan, Executor(1), RefineSettings(), None, digest).run([query], store)
         assert store.records == {}
 
 
@@ -141,7 +142,9 @@ def test_a_photo_that_is_replaced_while_it_is_worked_on_is_tried_again_by_the_ne
     query = BatchQuery(CAMERA, put(tmp_path / "photo.jpg", b"no photo"))
     put(tmp_path / "photo.jpg", b"another.", TIME_NS + 1)
     with ResultStore(tmp_path / "r.json", ["key"]) as store:
-        Rounds(tmp_path / "scan.ply", 1, RefineSettings(), None, scan_file_digest(tmp_path / "scan.ply")).run([query], store)
+        Rounds(tmp_path / "scan.ply", Executor(1), RefineSettings(), None, scan_file_digest(tmp_path / "scan.ply")).run(
+            [query], store
+        )
         assert "was changed while the batch ran; run the batch again." in store.records[0]["error"]
     with ResultStore(tmp_path / "r.json", ["key"]) as store:
         assert store.records == {}

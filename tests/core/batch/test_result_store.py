@@ -4,11 +4,13 @@ import json
 import os
 import subprocess
 import sys
+import tracemalloc
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from core.batch import store as store_module
 from core.batch.keys import key_of
 from core.batch.store import ResultsError, ResultStore
 from core.support.sealed import sealed
@@ -46,6 +48,12 @@ def killed(store):
 
 
 @pytest.fixture
+def each_synced(monkeypatch):
+    """Every record is told to the disk by itself, as where photos take seconds."""
+    monkeypatch.setattr(store_module, "SYNC_S", 0.0)
+
+
+@pytest.fixture
 def full(path):
     with ResultStore(path, KEYS) as store:
         for i in (2, 0, 3, 1):  # workers finish in any order
@@ -78,7 +86,7 @@ def test_every_record_is_on_disk_when_put_returns(path):
     assert [f["file"] for f in frames(path)] == ["1.jpg", "3.jpg"]
 
 
-def test_what_is_written_for_a_record_does_not_grow_with_their_number(path, monkeypatch):
+def test_what_is_written_for_a_record_does_not_grow_with_their_number(path, monkeypatch, each_synced):
     written = []
     fsync = os.fsync
     monkeypatch.setattr(os, "fsync", lambda handle: written.append(os.fstat(handle).st_size) or fsync(handle))
@@ -91,6 +99,77 @@ def test_what_is_written_for_a_record_does_not_grow_with_their_number(path, monk
     steps = {b - a for a, b in pairwise(ends)}
     assert steps == {len(json.dumps(stored(0)).encode()) + 1}
     assert len(frames(path)) == 200
+
+
+def test_records_that_come_fast_are_told_to_the_disk_together(path, monkeypatch):
+    synced, now = [], [100.0]
+    fsync = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda handle: synced.append(round(now[0], 1)) or fsync(handle))
+    monkeypatch.setattr(store_module.time, "monotonic", lambda: now[0])
+    with ResultStore(path, [key_of(i) for i in range(40)]) as store:
+        for i in range(40):
+            now[0] = 100.0 + 0.1 * i if i < 20 else 200.0 + i
+            store.put(i, record(i))
+    assert synced[:4] == [100.0, 100.5, 101.0, 101.5]
+    assert synced[4:24] == [200.0 + i for i in range(20, 40)]
+
+
+def test_ten_times_the_photos_cost_ten_times_the_bytes_and_no_more_memory(path):
+    """Records of 4 KB: of two thousand, a store that held them would hold 8 MB of text alone."""
+    long = "x" * 4000
+    keys = [key_of(i) for i in range(2000)]
+    tracemalloc.start()
+    sizes = {}
+    try:
+        with ResultStore(path, keys) as store:
+            for i in range(2000):
+                store.put(i, record(i, details=[long]))
+                if i + 1 in (200, 2000):
+                    sizes[i + 1] = (journal(path).stat().st_size, tracemalloc.get_traced_memory()[0])
+            peak_running = tracemalloc.get_traced_memory()[1]
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert 9.9 < sizes[2000][0] / sizes[200][0] < 10.1
+    assert sizes[2000][1] - sizes[200][1] < 2e6
+    assert peak < peak_running + 1e6, "the results file is written record by record"
+    assert store.records[1999]["details"] == [long] and store.records.endings == {"check": 2000}
+    assert len(resumed(path, keys)) == 2000
+
+
+def test_a_line_that_was_cut_short_is_left_out_with_a_word(full, caplog):
+    store = ResultStore(full, KEYS)
+    store.__enter__()
+    for i in (1, 2):
+        store.put(i, record(i, t=[i, 9, 9]))
+    killed(store)
+    data = journal(full).read_bytes()
+    journal(full).write_bytes(data[:-10])
+    full.unlink()
+    assert sorted(resumed(full)) == [1]
+    assert "The last line of" in caplog.text and "its photo is done again" in caplog.text
+    assert frames(full)[0]["t"] == [1, 9, 9]
+
+
+def test_damaged_lines_amid_a_journal_cost_their_own_photos(full, caplog):
+    store = ResultStore(full, KEYS)
+    store.__enter__()
+    for i in range(4):
+        store.put(i, record(i, t=[i, 9, 9]))
+    killed(store)
+    lines = journal(full).read_bytes().splitlines(keepends=True)
+    lines[2], lines[3] = b"\0" * (len(lines[2]) - 1) + b"\n", lines[3].replace(b":", b"\xff", 1)
+    journal(full).write_bytes(b"".join(lines))
+    full.unlink()
+    assert sorted(resumed(full)) == [0, 3]
+    assert "2 lines of" in caplog.text
+
+
+def test_results_that_another_program_wrote_anew_are_taken_up(full):
+    before = frames(full)
+    for text in (json.dumps({"frames": before}, indent=2), '{"frames": [\n' + json.dumps(before, indent=1)[1:] + "}"):
+        full.write_text(text)
+        assert len(resumed(full)) == 4
 
 
 def test_a_second_run_takes_up_what_was_finished(full):
@@ -192,7 +271,7 @@ def test_a_file_cut_short_anywhere_loses_only_the_record_it_was_cut_in(full):
 
 
 def test_a_cut_file_is_mended_by_the_next_run(full):
-    full.write_bytes(full.read_bytes()[:-40])
+    full.write_bytes(full.read_bytes()[:-90])
     with ResultStore(full, KEYS) as store:
         assert len(store.records) == 3
         store.put(3, record(3))
@@ -248,7 +327,7 @@ def test_a_journal_that_is_something_else_is_refused_and_kept(full):
     assert journal(full).read_text() == "notes of a journey\n"
 
 
-def test_a_full_disk_loses_nothing_that_was_there(full, monkeypatch):
+def test_a_full_disk_loses_nothing_that_was_there(full, monkeypatch, each_synced):
     before = full.read_bytes()
     fsync, full_now = os.fsync, []
 
@@ -276,7 +355,7 @@ def test_halves_of_killed_writes_are_removed(full):
     assert sorted(os.listdir(full.parent)) == [".others.json.0a1b2c3d.part", "results.json"]
 
 
-def test_ctrl_c_between_the_journal_and_the_memory_loses_no_result(path, monkeypatch):
+def test_ctrl_c_between_the_journal_and_the_memory_loses_no_result(path, monkeypatch, each_synced):
     sync = os.fsync
 
     def interrupted(handle):
@@ -291,7 +370,7 @@ def test_ctrl_c_between_the_journal_and_the_memory_loses_no_result(path, monkeyp
     assert [f["file"] for f in frames(path)] == ["0.jpg", "1.jpg"]
 
 
-def test_a_record_that_takes_the_place_of_another_and_cannot_be_written_leaves_the_first(path, monkeypatch):
+def test_a_record_that_takes_the_place_of_another_and_cannot_be_written_leaves_the_first(path, monkeypatch, each_synced):
     def full_disk(handle):
         raise OSError(28, "No space left on device")
 

@@ -1,0 +1,1 @@
+"""A batch on many machines: in shards that are joined, or on the workers of a Dask cluster."""
