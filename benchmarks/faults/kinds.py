@@ -170,7 +170,7 @@ def memory_out(trial: Faulted) -> None:
     code = trial.end(trial.start(limit_mb=int(trial.rng.integers(*trial.command.memory_mb))))
     trial.struck = code != trial.known.code if trial.known else True
     # Python itself may not come up with so little, and says it in its own way.
-    trial.broken[:] = [one for one in trial.broken if "traceback" not in one or "MemoryError" not in one]
+    trial.broken[:] = [one for one in trial.broken if "traceback" not in one or "ImportError" not in one]
     _judge(trial, code, fine=(1, 2, 3, -signal.SIGSEGV, -signal.SIGABRT, 127))
 
 
