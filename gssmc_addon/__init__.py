@@ -69,6 +69,7 @@ from .preview import watch as preview_watch
 from .proxy import panel as proxy_panel
 from .refine import panel as panels
 from .registration import menus, preferences, properties
+from .render_gpu import device
 from .viewport import handlers as viewport
 
 _class_modules = (
@@ -151,6 +152,7 @@ def register() -> None:
 
 def unregister() -> None:
     slot.unregister()  # The jobs end first, because a running one uses all the rest.
+    device.unregister()
     preview_watch.unregister()
     cards.unregister()
     composite_watch.unregister()

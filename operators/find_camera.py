@@ -39,6 +39,7 @@ class GSSMC_OT_find_camera(NeedsPhoto, JobOperator, bpy.types.Operator):
 
     def apply(self, context: bpy.types.Context, job: FindJob, report: FindReport) -> set[str]:
         message, how = find_job.apply_report(job.targets, report), find_job.how_found(job.finder, report)
+        how = " ".join(filter(None, [how, job.inputs.splat.remark]))
         level = "WARNING" if report.verdict != "trusted" else "INFO"
         done = self.done(context, f"{message} {how}".strip(), level, line=how)
         return {"CANCELLED"} if report.verdict == "failed" else done

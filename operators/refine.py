@@ -46,8 +46,10 @@ class GSSMC_OT_refine(NeedsPhoto, JobOperator, bpy.types.Operator):
         return job
 
     def apply(self, context: bpy.types.Context, job: refine_job.RefineJob, report: RefineReport) -> set[str]:
-        message = refine_job.apply_report(job.targets, report)
-        done = self.done(context, message, "WARNING" if report.verdict != "trusted" else "INFO")  # the panel shows the verdict
+        remark = job.inputs.splat.remark
+        message = refine_job.apply_report(job.targets, report, remark)
+        level = "WARNING" if report.verdict != "trusted" else "INFO"
+        done = self.done(context, message, level, line=remark)  # the panel shows the verdict
         return {"CANCELLED"} if report.verdict == "failed" else done
 
     def stopped(self, context: bpy.types.Context, job: refine_job.RefineJob) -> set[str]:

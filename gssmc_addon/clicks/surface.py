@@ -14,7 +14,7 @@ from ...core.geometry.camera import Intrinsics, Pose
 from ...core.geometry.conventions import pixel_centres, pose_from_blender
 from ...core.geometry.viewport import intrinsics_from_projection
 from ...core.pose.pins.lift import surface_point
-from ...core.render import ProcessRenderer, Renderer
+from ...core.render.view import ViewRenderer
 from ..camera import bridge as camera_bridge
 from ..jobs.machine import Job
 from ..splat import object as splat_object
@@ -47,7 +47,7 @@ class SeenView:
 class SplatSurface:
     """A splat that clicks land on; its renderer holds a copy of the Gaussians."""
 
-    def __init__(self, renderer: Renderer | ProcessRenderer) -> None:
+    def __init__(self, renderer: ViewRenderer) -> None:
         self._renderer = renderer
 
     def point(self, lens: Intrinsics, pose: Pose, pixel: tuple[float, float]) -> tuple[float, float, float] | None:

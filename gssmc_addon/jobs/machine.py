@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ...core.errors import GssmcError, RefineError
+from ..render_gpu.executor import executor
 from ..splat.copy import SplatCopying
 from ..support.texts import iface_, n_, sentence
 from .worker import Failure, Finished, Steps, WorkThread
@@ -111,6 +112,7 @@ class Job:
         """
         try:
             self.check()
+            executor.serve()  # Timers, which serve it otherwise, do not run in background mode.
             result = self.advance() if self._copied() else None
             self._show()
             return result

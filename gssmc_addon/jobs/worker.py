@@ -1,4 +1,4 @@
-"""Work in a thread of its own. Nothing here touches Blender: all inputs are copies, all news goes through a queue."""
+"""Work in a thread of its own. The thread touches nothing of Blender: all inputs are copies, all news goes through a queue."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ...core.pose.settings import RefineSettings
 from ...core.render.sharing import quick_handover
 from ..camera.bridge import CameraCopy
 from ..photo.source import PhotoSource
+from ..render_gpu.executor import executor
 from ..splat.renderer import SplatRenderer
 from ..support.texts import sentence
 
@@ -84,7 +85,10 @@ class WorkThread:
         self._stop.set()
 
     def join(self, timeout_s: float) -> bool:
-        """Waits for the thread; True when it has ended, or never began."""
+        """Waits for the thread, and draws meanwhile what it asks for; True when it has ended, or never began. Main thread."""
+        return executor.wait(self._joined, timeout_s)
+
+    def _joined(self, timeout_s: float) -> bool:
         if self._thread.ident is not None:
             self._thread.join(timeout_s)
         return not self._thread.is_alive()

@@ -194,7 +194,7 @@ class RefineQueue(RetryQueue):
         return self.verdicts["trusted"] + self.verdicts["check"]
 
     def summary(self) -> str:
-        """One to three sentences on all of them."""
+        """One to four sentences on all of them."""
         verdicts = self.verdicts
         parts = [rpt_(COUNTED[word], count=verdicts[word]) for word in COUNTED if verdicts[word]]
         if self.failed:
@@ -208,7 +208,7 @@ class RefineQueue(RetryQueue):
             said.append(rpt_("1 photo was found by trying again."))
         elif self.found_again:
             said.append(rpt_("{count} photos were found by trying again.", count=len(self.found_again)))
-        return " ".join([*said, *[message for _, message in self.failed[:1]]])
+        return " ".join(filter(None, [*said, *[message for _, message in self.failed[:1]], self._renderer.remark]))
 
     def _write_line(self, item: int, error: str = "", note: str = "") -> None:
         """What the photo's line says."""

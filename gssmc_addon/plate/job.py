@@ -208,7 +208,7 @@ class SequenceJob(RetryQueue):
         return {frame: first_reason(report) for frame, report in found.items() if report.verdict == "check"}
 
     def summary(self) -> str:
-        """Up to five sentences on all frames."""
+        """Up to six sentences on all frames."""
         values = {"good": self.items - len(self.bad), "count": self.items}
         sentences = [rpt_("{good} of {count} frames of the plate were refined.", **values)]
         if self.items == 1:
@@ -221,7 +221,7 @@ class SequenceJob(RetryQueue):
             sentences.append(rpt_("Look at these before you rely on them: {frames}.", frames=frame_list(self.doubtful)))
         if self.bad:
             sentences.append(rpt_("Bad and not keyed: {frames}.", frames=frame_list(self.bad)))
-        return " ".join(sentences)
+        return " ".join(filter(None, [*sentences, self._renderer.remark]))
 
     def reasons(self) -> list[str]:
         """The summary, then why frames are bad or doubtful, a line for all frames of which the same is to be said."""

@@ -97,6 +97,7 @@ class RefineJob(Job):
     def on_progress(self, news: RefineProgress) -> None:
         self.fraction, self.step = news.fraction, news.step[:1].upper() + news.step[1:]
         self.detail = iface_("Iteration {number} of {count}", number=max(news.iteration, 1), count=news.iterations)
+        self.detail = ". ".join(filter(None, [self.detail, self.inputs.splat.remark.rstrip(".")]))
 
 
 def prepare(
@@ -159,14 +160,15 @@ def _check_memory(splat: bpy.types.Object, photo: bpy.types.Image, settings: Ref
     memory.check("The refinement", needed, preferences.memory_limit(bpy.context))
 
 
-def apply_report(targets: Targets, report: RefineReport) -> str:
-    """Writes the result, and moves the camera unless the verdict is "failed". One sentence on what happened.
+def apply_report(targets: Targets, report: RefineReport, remark: str = "") -> str:
+    """Writes the result, and moves the camera unless the verdict is "failed". One sentence on what happened, and the
+    `remark` on how it was done, if there is one.
 
     Raises GssmcError, with nothing written, when the splat or the camera changed so that the result cannot be applied.
     """
     scene, splat, camera = targets.find()
     problem.remember(report)
-    notes = []
+    notes = [remark] if remark else []
     if report.verdict != "failed":
         camera_channels.check_writable(camera)
         camera_bridge.write_camera(scene, camera, splat, report.camera)
@@ -186,6 +188,7 @@ def apply_report(targets: Targets, report: RefineReport) -> str:
         camera_props.keep_verdict(camera.data, report.verdict, report.reasons, len(report.iterations), report.seconds)
     values: dict[str, object] = {"name": camera.name, "reason": report.reasons[0] if report.reasons else ""}
     if report.verdict == "failed":
-        return rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
+        said = rpt_('No camera was found for "{name}", which stays where it was: {reason}', **values)
+        return " ".join([said, *notes])
     values |= {"verdict": iface_(camera_props.VERDICT_NAMES[report.verdict.upper()]).lower(), "seconds": report.seconds}
     return " ".join([rpt_('"{name}" was refined ({verdict}) in {seconds:.1f} s: {reason}', **values), *notes])

@@ -10,6 +10,7 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 from ...core.features.nets.models import KNOWN, KnownModel, find_model, recognise
 from ...core.features.registry import AUTO, EXTRACTORS, MATCHERS, ExtractorKind, MatcherKind
 from ...core.render.memory import machine_bytes
+from ..render_gpu.choice import Wanted
 from ..support import log_file
 from ..support.texts import iface_, n_
 
@@ -27,6 +28,11 @@ PRESET_ITEMS = (
 MAP_PLACES = (
     ("CACHE", "Cache Folder", "In the user's folder for files that can be made again"),
     ("SCAN", "Beside the Scan", "In the folder of the scan's file, where other machines find them too"),
+)
+RENDERERS = (
+    ("AUTO", "Automatic", "The graphics card where a short test says that it is right and pays, else the processor"),
+    ("CPU", "Processor", "Always the processor"),
+    ("GPU", "Graphics Card", "The graphics card also where it does not pay; the processor only where it fails"),
 )
 _log_trouble = [""]  # Says what is wrong with the log file; empty when nothing is.
 
@@ -47,6 +53,12 @@ def threads(context: bpy.types.Context, wanted: int) -> int:
     """The scene's number of threads, where that is 0 the preference's."""
     own = of(context)
     return wanted or (own.threads if own else 0)
+
+
+def renderer(context: bpy.types.Context) -> Wanted:
+    """What is to draw the views of refinements."""
+    own = of(context)
+    return own.renderer if own else "AUTO"
 
 
 def preset(context: bpy.types.Context) -> str:
@@ -104,6 +116,11 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
             max=256,
             description="Views rendered at the same time where a scene's own value is 0; 0: one per processor core",
         ),
+        "renderer": EnumProperty(
+            name="Render Views With",
+            items=RENDERERS,
+            description="What draws the splat's views that a photo is compared with; both give the same pictures",
+        ),
         "memory_limit_gb": FloatProperty(
             name="Memory Limit (GB)",
             min=0.0,
@@ -141,7 +158,7 @@ class GSSMC_AP_preferences(bpy.types.AddonPreferences):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         column = layout.column()
-        for name in ("threads", "memory_limit_gb", "default_preset", "log_file"):
+        for name in ("renderer", "threads", "memory_limit_gb", "default_preset", "log_file"):
             column.prop(self, name)
         if _log_trouble[0] and self.log_file:
             column.label(text=_log_trouble[0], icon="ERROR")

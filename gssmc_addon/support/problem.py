@@ -22,6 +22,8 @@ import bpy
 from ...core.pose.report import RefineReport
 from ...core.pose.report_json import report_to_dict
 from ...core.render.memory import machine_bytes
+from ..registration import preferences
+from ..render_gpu import choice
 from ..splat import object as splat_object
 
 MODULES = ("numpy", "cv2", "scipy", "plyfile")
@@ -62,6 +64,7 @@ def text(context: bpy.types.Context) -> str:
         *(f"{name} {_version(name)}" for name in MODULES),
         f"Processor: {os.cpu_count()} threads, {machine_bytes() / 1e9:.0f} GB of memory",
         f"Graphics: {_graphics()}",
+        f"Views from the card: {_card(context)}",
         f"Splat: {_splat(context.scene)}",
         f"Last message: {without_names(context.window_manager.gssmc.message) or 'none'}",
         f"Last job: {_summary()}",
@@ -90,6 +93,15 @@ def _graphics() -> str:
 
     known = gpu.platform
     return f"{known.renderer_get()}, {known.vendor_get()}, {known.version_get()} ({known.backend_type_get()})"
+
+
+def _card(context: bpy.types.Context) -> str:
+    """Whether the graphics card may draw views, and what its test found."""
+    wanted, test = preferences.renderer(context), choice.last_test()
+    if test is None:
+        return f"{wanted}, not tested"
+    found = f"{wanted}, its test view {test.card_s:.3f} s, of one thread {test.thread_s:.3f} s"
+    return f"{found}; {without_names(test.fault)}" if test.fault else found
 
 
 def _splat(scene: bpy.types.Scene) -> str:

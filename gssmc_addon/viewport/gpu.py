@@ -30,7 +30,7 @@ SLOW = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader")
 def is_software() -> bool:
     """True when the processor does the graphics card's work."""
     renderer = gpu.platform.renderer_get().lower()
-    return any(word in renderer for word in SLOW)
+    return gpu.platform.device_type_get() == "SOFTWARE" or any(word in renderer for word in SLOW)
 
 
 def texture(table: np.ndarray) -> gpu.types.GPUTexture:

@@ -22,7 +22,7 @@ PYTHONS = {
     (5, 2): Path(sys.executable),
     (5, 3): REPO / ".venv53" / "bin" / "python",
 }
-SCANS = ("check_fox", "check_native")  # some of their tests need ../shared
+SCANS = ("check_fox", "check_native", "check_render_gpu")  # some of their tests need ../shared
 
 pytest.importorskip("bpy", reason="ring 2 needs Blender as a Python module (bpy)")
 

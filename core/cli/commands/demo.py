@@ -32,6 +32,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = commands.add_parser("demo", help="build the sample scene and find the camera of a photo of it")
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="where everything is written (demo)")
     add_settings_flags(parser)
+    parser.set_defaults(make_renderer=ProcessRenderer)  # a program that this runs in may have another
     return parser
 
 
@@ -42,7 +43,7 @@ def run(args: argparse.Namespace) -> Outcome:
     scene, photo = read_splats(sample.scene), read_photo(sample.photo)
     lens = Unplaced.of(replace(read_cameras(sample.start)[0], file=str(sample.photo)))  # its pose is for who wants to try it
     cache = MapCache(scene, MapPlace(sample.scene), MapSettings(threads=settings.threads))
-    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+    with args.make_renderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         found = find_with_progress(renderer, find_target(photo, lens), cache, settings)
         if found.refined is not None:
             picture = before_after(renderer, photo, found.refined.start, found.refined.camera)

@@ -36,6 +36,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add_axes_flag(parser)
     add_map_flags(parser)
     add_settings_flags(parser)
+    parser.set_defaults(make_renderer=ProcessRenderer)  # a program that this runs in may have another
     return parser
 
 
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace) -> Outcome:
     _say_lens(given, photo)
     scene = read_splats(args.scene)
     say_dropped(scene)
-    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+    with args.make_renderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         found = whole_found(photo, find_with_progress(renderer, target, flags.cache(scene), settings), wanted)
     put_result(args.out, into_file(found_to_dict(found, wanted), scene.origin))
     if found.camera is None or found.refined is None:

@@ -61,6 +61,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add_axes_flag(parser)
     add_map_flags(parser, switch=True)
     add_settings_flags(parser)
+    parser.set_defaults(make_renderer=ProcessRenderer)  # a program that this runs in may have another
     return parser
 
 
@@ -86,7 +87,7 @@ def run(args: argparse.Namespace) -> Outcome:
         wanted = straight(wanted)
     scene = read_splats(args.scene)
     say_dropped(scene)
-    with ProcessRenderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+    with args.make_renderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
         if args.pins is None:
             placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
         else:

@@ -42,7 +42,9 @@ def test_blender_takes_all_that_the_plain_command_line_takes(main, extension, mo
     assert main(["features"]) == 0
     here = flags(made[0])
     assert {name: {f: plain[name].get(f) for f in here[name]} for name in here} == {
-        name: dict(flags) | ({"--blend": None, "--up": None} if name not in cli.WITHOUT_SCENE else {})
+        name: dict(flags)
+        | ({"--blend": None, "--up": None} if name not in cli.WITHOUT_SCENE else {})
+        | ({"--renderer": None} if name in ("refine", "locate", "demo") else {})
         for name, flags in plain.items()
     }
     assert {"--features", "--matcher", "--model", "--matcher-model", "--mask", "--lens"} <= here["batch"].keys()

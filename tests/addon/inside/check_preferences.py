@@ -77,8 +77,14 @@ def test_a_problem_is_reported_with_versions_and_the_last_record(bpy, scene, ext
     text = problem.text(bpy.context)
     for words in ("GS-SMC 0.", f"Blender {bpy.app.version_string}", "Python 3.", "numpy ", "cv2 5", '"verdict": "failed"'):
         assert words in text
-    for words in ("Graphics: none, in background mode", "Splat: 200 Gaussians, 4 SH coefficients", " GB of memory"):
+    for words in (
+        "Views from the card: AUTO, not tested",
+        "Graphics: none, in background mode",
+        "Splat: 200 Gaussians, 4 SH coefficients",
+        " GB of memory",
+    ):
         assert words in text
+    assert "Views from the card: AUTO, not tested" in text
     assert "Last job: Refine Camera: 1 failed" in text
     assert "a.png" not in text
     assert bpy.ops.gssmc.report_problem() == {"FINISHED"}

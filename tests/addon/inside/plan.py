@@ -22,6 +22,7 @@ LONGEST = (
     "check_preview",
     "check_proxy",
     "check_refine",
+    "check_render_gpu",
     "check_sequence",
     "check_texts",
 )

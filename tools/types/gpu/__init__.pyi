@@ -2,8 +2,11 @@ from typing import Any
 
 from . import types as types
 
+capabilities: Any
 matrix: Any
 platform: Any
 shader: Any
 state: Any
 texture: Any
+
+def init() -> None: ...
