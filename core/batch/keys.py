@@ -101,8 +101,8 @@ def stamp(path: Path) -> Stamp:
 
 
 def check_unchanged(scan: Path, digest: str) -> None:
-    """To be called when the scan has been read: raises SplatFormatError where it is not the one of `scan_file_digest` any more,
-    so that nothing is said of it under the name of the other.
+    """To be called when the scan has been read: raises SplatFormatError where its `scan_file_digest`, not dated, is another one
+    now, so that nothing is said of it under the name of the other. A copy on another machine is the same scan.
     """
-    if scan_file_digest(scan) != digest:
+    if scan_file_digest(scan, dated=False) != digest:
         raise SplatFormatError(f"The splat file '{scan.name}' was changed while it was being used; run the command again.")
