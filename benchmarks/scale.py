@@ -154,7 +154,7 @@ def workers(path: str, count: int) -> dict[str, Any]:
     children = [Child("batch.worker", ONE_THREAD) for _ in range(count)]
     channels, settings = [Channel(child) for child in children], {**asdict(RefineSettings(threads=1)), **FEW}
 
-    first = {"scene": path, "digest": scan_file_digest(Path(path)), "settings": settings}
+    first = {"scene": path, "digest": scan_file_digest(Path(path), dated=False), "settings": settings}
 
     def work(index: int) -> None:
         truth = cameras[index]
