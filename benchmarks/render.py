@@ -47,7 +47,7 @@ RESOLUTIONS = ((320, 240), (640, 480), (1280, 960))
 NATIVE_MAX = 1_000_000  # a 5M scene would be a 1.2 GB file for the native renderer
 TWIN_MAX = 10_000
 BLACK = "-"
-STAGES = ("project_chunk", "depth_order", "colors", "bin_band", "join_bands", "plan_batches", "blend_tiles")
+STAGES = ("project_part", "depth_order", "colors", "bin_band", "join_bands", "plan_batches", "blend_tiles")
 
 
 def synthetic(n: int, behind: int = 0) -> GaussianScene:

@@ -30,11 +30,13 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).resolve().parent)]
 import numpy as np
 import stored
 from commands import COMMANDS, JOBS, Tried
-from kinds import BLENDER_PLAN, KINDS, PLAN, replaced
+from kinds import KINDS, replaced
+from plan import BLENDER_PLAN, PLAN
 from samples import OTHER, SCAN, Samples, make_samples
 from trial import Faulted, Undisturbed, undisturbed
 
 TRIED: dict[str, Tried] = {**COMMANDS, **JOBS}
+NO_ENGINE = "none"
 STORED = 100  # damages of each file that is read in this process
 
 
@@ -94,7 +96,7 @@ class Campaign:
         makers = {
             "results of batch": lambda at: stored.batch_file(at, "r.json"),
             "journal of batch": lambda at: stored.batch_file(at, "r.json.journal"),
-            "map": lambda at: stored.map_file(at, self.samples),
+            "map of a scan": lambda at: stored.map_file(at, self.samples),
             "journal of track": lambda at: stored.track_journal(at, *stored.interrupted_track(track, self.samples)),
             "TRACK.json": lambda at: stored.track_file(at, stored.whole_track(track, self.samples)),
         }
@@ -102,7 +104,7 @@ class Campaign:
         for name, make in makers.items():
             if ("bytes damaged", name, STORED - 1) not in self.done:
                 for number, broken in enumerate(stored.run(make, folder, self._seed, STORED)):
-                    self.put("bytes damaged", name, number, broken, True, "none")
+                    self.put("bytes damaged", name, number, broken, True, NO_ENGINE)
                 self.said(f"bytes damaged, {name}")
 
 
@@ -112,21 +114,25 @@ def _commit() -> str:
 
 
 def table(done: list[dict]) -> Iterator[str]:
-    """A row for each kind and command, and below them the rules that were not kept."""
-    yield "| fault | command | engine | tried | struck while it ran | survived | lost |"
-    yield "|---|---|---|---|---|---|---|"
-    groups: dict[tuple[str, str, str], list[dict]] = {}
-    for one in done:
-        groups.setdefault((one["kind"], one["command"], one["engine"]), []).append(one)
-    for (kind, command, engine), of in sorted(groups.items()):
+    """A row for each kind of fault, with how many trials of each command were survived; below, the rules that were broken."""
+    names = [name for name in TRIED if any(one["command"] == name for one in done)]
+    columns = [f"{name}{' (stub)' if TRIED[name].stub else ''}" for name in names] + ["stored files"]
+    yield f"| fault | tried | struck while it ran | survived | lost | {' | '.join(columns)} |"
+    yield "|---" * (5 + len(columns)) + "|"
+    kinds = {one["kind"]: [other for other in done if other["kind"] == one["kind"]] for one in done}
+    for kind, of in [*sorted(kinds.items()), ("all", done)]:
+        cells = [_cell([one for one in of if one["command"] == name and one["engine"] != NO_ENGINE]) for name in names]
+        cells.append(_cell([one for one in of if one["engine"] == NO_ENGINE]))
         lost = sum(bool(one["broken"]) for one in of)
         struck = sum(one["struck"] for one in of)
-        yield f"| {kind} | {command} | {engine} | {len(of)} | {struck} | {len(of) - lost} | {lost} |"
-    lost = sum(bool(one["broken"]) for one in done)
-    yield f"| all | | | {len(done)} | {sum(one['struck'] for one in done)} | {len(done) - lost} | {lost} |"
+        yield f"| {kind} | {len(of)} | {struck} | {len(of) - lost} | {lost} | {' | '.join(cells)} |"
     for one in done:
         for broken in one["broken"]:
             yield f"\n{one['kind']}, {one['command']}, number {one['number']}: {broken}"
+
+
+def _cell(of: list[dict]) -> str:
+    return f"{sum(not one['broken'] for one in of)} / {len(of)}" if of else ""
 
 
 def _install(folder: Path) -> None:

@@ -37,7 +37,7 @@ class Tried:
     kept: Callable[[Path], Answers]
     stub: bool = False
     blender: bool = False
-    memory_mb: tuple[int, int] = (350, 1500)
+    memory_mb: tuple[int, int] = (150, 520)
 
     @property
     def engine(self) -> str:

@@ -14,10 +14,23 @@ from ..cameras.unplaced import Unplaced, wanted_to_dict
 from ..errors import SplatFormatError
 from ..geometry.camera import Camera
 from ..pose.settings import RefineSettings
-from ..splats import scan_files
+from ..splats.digest import BLOCK_BYTES, BLOCKS, scan_file_digest
+
+__all__ = [
+    "BLOCKS",
+    "BLOCK_BYTES",
+    "KEY_VERSION",
+    "BatchQuery",
+    "Refused",
+    "check_unchanged",
+    "given",
+    "key_of",
+    "query_keys",
+    "scan_file_digest",
+    "stamp",
+]
 
 KEY_VERSION = 6  # to be raised when the same input gets other answers, or records another form
-BLOCKS, BLOCK_BYTES = 64, 1 << 16  # of a scan, which may have gigabytes
 
 Stamp = tuple[int, int] | None
 
@@ -87,32 +100,9 @@ def stamp(path: Path) -> Stamp:
     return state.st_size, state.st_mtime_ns
 
 
-def scan_file_digest(path: Path, dated: bool = True) -> str:
-    """Digest of a scan: of each of its files the size, the time of its last change (where `dated`: it is another one for a copy
-    of the file), and BLOCKS blocks spread over its content, both ends among them. Raises SplatFormatError when it cannot be
-    read.
-
-    A map of the scan is kept under `locate.scan_digest`, of the Gaussians themselves, because Blender has them without a file.
-    This one takes some milliseconds whatever the scan's size, where that one needs the whole scan read first: a batch that is
-    finished, or whose photos all have starts, need not read it at all in its own process.
-    """
-    digest = hashlib.sha256()
-    try:
-        for one in scan_files(path):
-            with one.open("rb") as file:
-                size, changed = stamp(one) or (0, 0)
-                digest.update(f"{size} {changed if dated else ''}".encode())
-                for k in range(BLOCKS):
-                    file.seek(max(0, size - BLOCK_BYTES) * k // (BLOCKS - 1))
-                    digest.update(file.read(BLOCK_BYTES))
-    except OSError as error:
-        raise SplatFormatError(f"The splat file '{path}' cannot be read ({error.strerror}); check the path.") from error
-    return digest.hexdigest()
-
-
 def check_unchanged(scan: Path, digest: str) -> None:
-    """To be called when the scan has been read: raises SplatFormatError where it is not the one of `scan_file_digest` any more,
-    so that nothing is said of it under the name of the other.
+    """To be called when the scan has been read: raises SplatFormatError where its `scan_file_digest`, not dated, is another one
+    now, so that nothing is said of it under the name of the other. A copy on another machine is the same scan.
     """
-    if scan_file_digest(scan) != digest:
+    if scan_file_digest(scan, dated=False) != digest:
         raise SplatFormatError(f"The splat file '{scan.name}' was changed while it was being used; run the command again.")

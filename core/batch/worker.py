@@ -25,8 +25,8 @@ from ..locate import LandmarkMap, find_camera, read_map
 from ..pose.report_json import error_to_dict, report_to_dict
 from ..pose.settings import RefineSettings
 from ..processes.requests import Requests
-from ..render import Renderer, RenderSettings
-from ..splats import read_splats
+from ..render import Renderer
+from ..render.scan.opening import open_scan
 from .find_one import find_target, found_to_dict, whole_found
 from .keys import check_unchanged
 from .place import into_file, starts_in_scene
@@ -42,7 +42,7 @@ def main() -> int:
     cv2.setNumThreads(1)
     first, _ = requests.next()
     try:
-        scene = read_splats(first["scene"])
+        scan = open_scan(Path(first["scene"]))
         check_unchanged(Path(first["scene"]), first["digest"])
         landmarks = read_map(first["map"], first["key"]) if first.get("map") else None
     except GssmcError as error:
@@ -50,15 +50,14 @@ def main() -> int:
         # No request comes, because whoever receives that answer ends this process.
         requests.next()
         return 0
-    renderer, settings = Renderer(scene, RenderSettings.for_scene(scene, threads=1)), RefineSettings(**first["settings"])
-    requests.answer({"dropped": scene.dropped})
-    origin, scan, axes = scene.origin, ScanAxes.of(scene), first.get("axes", "auto")
-    del scene
+    renderer, settings = Renderer(scan.tables, scan.settings(threads=1)), RefineSettings(**first["settings"])
+    requests.answer({"dropped": scan.sample.dropped})
+    origin, scan_axes, axes = scan.sample.origin, ScanAxes.of(scan.sample), first.get("axes", "auto")
     while True:
         job, _ = requests.next()
         mask = Path(job["mask"]) if job.get("mask") else None
         if landmarks is None:
-            starts = starts_in_scene(camera_from_dict(job["camera"]), scan, axes, origin)
+            starts = starts_in_scene(camera_from_dict(job["camera"]), scan_axes, axes, origin)
             record = refine_record(renderer, settings, starts, Path(job["photo"]), mask)
         else:
             record = RecordFinder(renderer, settings, landmarks).record(job["camera"], Path(job["photo"]), mask)

@@ -78,6 +78,8 @@ def main(
         return _complain(
             f"The file{where} cannot be used ({error.strerror or error}); check the path, its permissions and the disk."
         )
+    except MemoryError:
+        return _complain("The memory is used up; end other programs, or take a smaller scan. What was finished is kept.")
     except KeyboardInterrupt:
         message("Interrupted; run the command again for what is missing.")
         return INTERRUPTED

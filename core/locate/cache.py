@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from pathlib import Path
 from ..geometry.camera import Camera
 from ..splats.scene import GaussianScene
 from ..support.arrays_file import ArraysFileError
+from ..support.cache_folder import user_cache_folder
 from .build import MapStep, build_map
 from .file import MapFileError, map_key, read_head, read_map, scan_digest, write_map
 from .landmarks import LandmarkMap
@@ -26,20 +26,9 @@ from .settings import MapSettings
 log = logging.getLogger(__name__)
 
 SUFFIX = ".gssmc-map"
-FOLDER = "gssmc"
 SAVE_EVERY = 10  # views; what a killed process loses at most
 ANY_VIEWS = 1  # stands for the number of views in a key: every prefix of a map is a map, so that a key names no number
 KNOWN_DIGITS = 16
-
-
-def user_cache_folder() -> Path:
-    """The folder for this program's files that can be made again, by the rules of the system; it need not exist yet."""
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / FOLDER / "Cache"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / FOLDER
-    given = os.environ.get("XDG_CACHE_HOME", "")
-    return (Path(given) if os.path.isabs(given) else Path.home() / ".cache") / FOLDER  # a relative one is to be ignored
 
 
 @dataclass(frozen=True)

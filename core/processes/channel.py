@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import threading
 from collections.abc import Sequence
 from typing import Any
@@ -35,13 +36,17 @@ class Channel:
 
     def ask(self, header: Header, arrays: Sequence[NDArray[Any]] = (), *, limit_s: float) -> tuple[Header, Arrays]:
         """The child's answer. Raises ChildEndedError when there is none within `limit_s` seconds, or what comes is no
-        message; the child has ended then, and its pipes are closed.
+        message; the child has ended then, and its pipes are closed. Raises OSError where no thread can be started, which is to
+        watch the time; nothing was asked then.
         """
         with self._turn:
             late, problem = threading.Event(), ""
             timer = threading.Timer(limit_s, self._end_late, (late,))
             timer.daemon = True
-            timer.start()
+            try:
+                timer.start()
+            except RuntimeError:  # too little memory, or too many threads already
+                raise OSError(errno.EAGAIN, "no thread can be started") from None
             answer = None
             try:
                 send(self._child.stdin, header, arrays)

@@ -18,7 +18,7 @@ from ..processes.child import ONE_THREAD, Child
 from ..splats.scene import GaussianScene
 from ..support.scratch import ScratchFolder
 from .renderer import Renderer
-from .tables import SceneTables, build_tables
+from .tables import SceneTables, TablesFile, build_tables
 from .view import RenderedView, RenderSettings, ViewRenderer
 
 log = logging.getLogger(__name__)
@@ -45,11 +45,16 @@ class ProcessRenderer:
     """
 
     def __init__(
-        self, scene: GaussianScene, settings: RenderSettings, start: StartChild = Child, *, interactive: bool = False
+        self,
+        scene: GaussianScene | SceneTables,
+        settings: RenderSettings,
+        start: StartChild = Child,
+        *,
+        interactive: bool = False,
     ) -> None:
         """Where no process can be started, nothing is raised and all views are drawn in this process."""
         count = min(settings.threads or os.cpu_count() or 1, MAX_PROCESSES)
-        tables = build_tables(scene)
+        tables = scene if isinstance(scene, SceneTables) else build_tables(scene)
         self._children = _Children(count, interactive, start)
         self._finish = weakref.finalize(self, _Children.close, self._children)
         self._children.begin(tables, settings.near)
@@ -120,15 +125,13 @@ class _Children:
         if not self._wanted or len(tables) < MIN_GAUSSIANS:
             return
         try:
-            self._folder = ScratchFolder()
-            file = self._folder.path / "tables"
-            tables.block.tofile(file)
+            file = tables.file or self._file_of(tables)
         except OSError as error:
             log.warning("Views are drawn in one process, for the scan cannot be shared with others (%s)", error)
             self._forget_file()
             return
-        first = {"file": str(file), "rows": len(tables.block), "count": len(tables), "near": near, "nice": self._nice}
-        first["antialiased"] = tables.antialiased
+        first = {"file": file.path, "offset": file.offset, "rows": len(tables.block), "count": len(tables)}
+        first |= {"near": near, "nice": self._nice, "antialiased": tables.antialiased}
         self._starting = self._wanted
         for _ in range(self._wanted):
             try:
@@ -136,6 +139,13 @@ class _Children:
             except RuntimeError as error:  # the system has no more threads to give
                 log.warning("A process for drawing cannot be started: %s", error)
                 self._started()
+
+    def _file_of(self, tables: SceneTables) -> TablesFile:
+        """Writes the tables to a file of their own."""
+        self._folder = ScratchFolder()
+        file = self._folder.path / "tables"
+        tables.block.tofile(file)
+        return TablesFile(str(file), 0)
 
     def _bring_up(self, first: dict[str, object], origin: FloatArray) -> None:
         """Starts one child and takes it in once it is ready to draw."""

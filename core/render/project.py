@@ -16,6 +16,8 @@ from ..geometry.camera import Intrinsics, Pose
 from ..geometry.conventions import HALF_PIXEL
 from . import constants as c
 from .columns import BLEND_COLUMNS, ELLIPSE_COLUMNS, BlendColumn, EllipseColumn
+from .scan.blocks import ROUNDING, Part
+from .scan.order import stable_order
 from .tables import CUT_MARGIN, SceneTables
 
 Float32Array = NDArray[np.float32]
@@ -29,22 +31,25 @@ EMPTY_LOG_OPACITY = -120.0
 
 
 class SplatBuffers:
-    """Room for what a view shows of N Gaussians: those of a chunk of the scene lie packed from the chunk's start on.
+    """Room for what a view shows of at most N Gaussians: those of a part of the scene lie packed from its first slot on.
 
     Pixels have the image's top-left corner at 0. The quadratic form of a splat is q = (l1 dx + l2 dy)^2 + (l3 dy)^2.
 
     table (N + 1, BLEND_COLUMNS): the columns are `BlendColumn`; the last row is transparent padding. ellipses
     (N, ELLIPSE_COLUMNS): the columns are `EllipseColumn`. first, last (N,): tile rows of the ellipse, last < first where there
-    is no splat. z (N,): camera depth.
+    is no splat. z (N,): camera depth. place (N,): where in the tables the Gaussian stands.
     """
 
     def __init__(self, count: int) -> None:
         self.table = np.empty((count + 1, BLEND_COLUMNS), np.float32)
         self.ellipses = np.empty((count, ELLIPSE_COLUMNS), np.float32)
         self.first, self.last = np.empty((2, count), np.int16)
-        self.z = np.empty(count, np.float32)
+        self.z, self.place = np.empty(count, np.float32), np.empty(count, np.int32)
         self.table[-1] = 0
         self.table[-1, BlendColumn.LOG_OPACITY] = EMPTY_LOG_OPACITY
+
+    def __len__(self) -> int:
+        return len(self.z)
 
 
 class ViewProjection:
@@ -97,17 +102,35 @@ class ProjectedSplats:
     cut: Float32Array
 
 
-def project_chunk(tables: SceneTables, view: ViewProjection, part: slice, splats: SplatBuffers) -> IndexArray:
-    """Project the Gaussians of `part` into their room, all but the colour; which of them (n,) fill its first n slots."""
-    exact = view.R @ tables.means[:, part].astype(np.float64)
+def seen_blocks(tables: SceneTables, view: ViewProjection) -> IndexArray:
+    """The blocks of which a Gaussian's bounding sphere may reach the image, ascending; the test of `_cull`, for boxes."""
+    blocks, R = tables.blocks, view.R
+    with np.errstate(over="ignore", invalid="ignore"):
+        # Written so that what is no number (a Gaussian larger than the world) counts as seen.
+        kept = ~(-blocks.least(-R[2], -view.t[2, 0]) <= view.near)
+        for axis in range(2):
+            outwards = view.f[axis, 0] * R[axis] + view.off_middle[axis, 0] * R[2]
+            offset = view.f[axis, 0] * view.t[axis, 0] + view.off_middle[axis, 0] * view.t[2, 0]
+            for sign in (-1, 1):
+                border = view.border[axis, 0]
+                over = blocks.least(sign * outwards - border * R[2], sign * offset - border * view.t[2, 0])
+                kept &= ~(over > view.gain[axis, 0] * (1 + ROUNDING) * blocks.reach)
+    return np.flatnonzero(kept)
+
+
+def project_part(tables: SceneTables, view: ViewProjection, part: Part, splats: SplatBuffers) -> IndexArray:
+    """Project the Gaussians of `part` into its slots, all but the colour; which of its columns (n,) fill the first n slots."""
+    exact = view.R @ part.columns(tables.means).astype(np.float64)
     exact += view.t
     with np.errstate(over="ignore"):  # a camera so far away sees nothing
         points: Float32Array = exact.astype(np.float32)
-    index = _cull(points, tables.reach[part], view)
-    splats.first[part], splats.last[part] = 0, -1
+    index = _cull(points, part.columns(tables.reach), view)
+    splats.first[part.slots], splats.last[part.slots] = 0, -1
     if len(index):
-        own = slice(part.start, part.start + len(index))
-        points, body = points.take(index, axis=1), tables.body[:, part].take(index, axis=1)
+        own = slice(part.slots.start, part.slots.start + len(index))
+        places = part.places(index)
+        splats.place[own] = places
+        points, body = points.take(index, axis=1), tables.body.take(places, axis=1)
         z = points[2]
         splats.z[own] = z
         plane = points[:2] / z
@@ -230,15 +253,25 @@ def _blend_rows(projected: ProjectedSplats, skew: Float32Array) -> Float32Array:
     return block
 
 
-def depth_order(splats: SplatBuffers) -> IndexArray:
-    """The slots that hold a splat, front to back; splats of equal depth keep the order of the file."""
-    filled = np.flatnonzero(splats.last >= splats.first)
-    return filled.take(ascending_order(splats.z.take(filled)))
+def depth_order(splats: SplatBuffers, count: int, rank: NDArray[np.int32]) -> IndexArray:
+    """Of the first `count` slots those that hold a splat, front to back; splats of equal depth stand in the order of their
+    `rank` (N,), a row of the tables.
+    """
+    filled = np.flatnonzero(splats.last[:count] >= splats.first[:count])
+    z = splats.z.take(filled)
+    order = ascending_order(z)
+    z, order = z.take(order), filled.take(order)
+    same = np.concatenate([[False], z[1:] == z[:-1], [False]])
+    tied = np.flatnonzero(same[1:] | same[:-1])
+    if len(tied):
+        slots = order.take(tied)
+        # One number for each: which group of equal depth it is of, and its rank.
+        key = np.cumsum(~same.take(tied), dtype=np.int64) << 32
+        key |= rank.take(splats.place.take(slots))
+        order[tied] = slots.take(np.argsort(key, kind="stable"))
+    return order
 
 
 def ascending_order(z: Float32Array) -> IndexArray:
-    """Stable ascending order of positive float32: their bits, radix-sorted in two halves (numpy does that for 16 bits)."""
-    bits = z.view(np.uint32)
-    first = np.argsort(bits.astype(np.uint16), kind="stable")
-    high = (bits >> np.uint32(16)).astype(np.uint16).take(first)
-    return first.take(np.argsort(high, kind="stable"))
+    """Stable ascending order of positive float32 (n,), by their bits."""
+    return stable_order(z.view(np.uint32))

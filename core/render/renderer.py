@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -17,7 +17,8 @@ from ..splats.scene import GaussianScene
 from .blend import CHANNELS, PIXELS, BlendWork, Scratch, TileBatch, TileImage, blend_tiles
 from .color import colors
 from .columns import BlendColumn
-from .project import TILE, SplatBuffers, ViewProjection, depth_order, project_chunk
+from .project import TILE, SplatBuffers, ViewProjection, depth_order, project_part, seen_blocks
+from .scan.blocks import Part, parts_of
 from .sharing import ThreadTeam
 from .tables import CHUNK, SceneTables, build_tables
 from .tiles import Order, TileLists, bin_band, join_bands, plan_batches
@@ -31,6 +32,8 @@ Run = Callable[..., list[Any]]
 BAND_TILES = 1024
 # Bands whose lists are in memory at once. It does not depend on the number of threads, so that the image does not either.
 STRIPE_BANDS = 4
+# A view's room is so many times what it takes, so that the next one, which shows a little more, finds room in it.
+SPARE = 1.25
 
 
 def _never() -> bool:
@@ -55,45 +58,59 @@ class Renderer:
                 raise Cancelled("Rendering was cancelled.")
 
         view = ViewProjection(self._tables, intrinsics, pose, self.settings.near)
-        target = _Target(intrinsics, self._scratches)
-        try:
-            splats = self._buffers.pop()
-        except IndexError:
-            splats = SplatBuffers(len(self._tables))
+        parts = parts_of(seen_blocks(self._tables, view), len(self._tables), CHUNK)
+        target, splats = _Target(intrinsics, self._scratches), self._room(parts)
         with ThreadTeam(threads) as team:
             run = team.run
-            order = self._project(view, splats, run, poll)
+            order = self._project(view, parts, splats, run, poll)
             if len(order.slots):
                 for stripe in target.stripes():
                     stripe.draw(splats, order, run, poll)
         self._buffers.append(splats)
         return target.view()
 
-    def _project(self, view: ViewProjection, splats: SplatBuffers, run: Run, poll: Callable[[], None]) -> Order:
+    def _room(self, parts: Sequence[Part]) -> SplatBuffers:
+        """Room for a view of these parts, kept from an earlier view where that has as much."""
+        count = parts[-1].slots.stop if parts else 0
+        try:
+            splats = self._buffers.pop()
+        except IndexError:
+            splats = None
+        if splats is None or len(splats) < count:
+            splats = SplatBuffers(min(len(self._tables), int(SPARE * count)))
+        return splats
+
+    def _project(
+        self, view: ViewProjection, parts: Sequence[Part], splats: SplatBuffers, run: Run, poll: Callable[[], None]
+    ) -> Order:
         """Fill the splats of a view. The depth order, one thread's work, is found while others evaluate colours."""
-        tables, count = self._tables, len(self._tables)
-        # The number of chunks is even and their sizes are alike, so that two threads end together.
-        chunks = 2 * max(1, -(-count // (2 * CHUNK)))
-        chunk = max(1, -(-count // chunks))
-        parts = [slice(start, min(start + chunk, count)) for start in range(0, count, chunk)]
+        tables = self._tables
 
-        def project(part: slice) -> IndexArray:
+        def project(part: Part) -> IndexArray:
             poll()
-            return project_chunk(tables, view, part, splats)
+            return project_part(tables, view, part, splats)
 
-        def finish(part: slice | None, index: IndexArray | None) -> Order | None:
+        def finish(part: Part | None, index: IndexArray | None) -> Order | None:
             poll()
             if part is None or index is None:
-                return Order.of(splats, depth_order(splats))
+                count = parts[-1].slots.stop if parts else 0
+                return Order.of(splats, depth_order(splats, count, tables.rank))
             if len(index):
-                rgb = colors(tables.color[:, :, part], tables.means[:, part], view.centre, index)
-                own = slice(part.start, part.start + len(index))
+                own = slice(part.slots.start, part.slots.start + len(index))
+                rgb = part_colors(tables, view.centre, part, index)
                 cv2.transpose(rgb, splats.table[own, BlendColumn.FEATURES : BlendColumn.FEATURES + 3])
             return None
 
         found = run(project, parts)
         order: Order = run(finish, [None, *parts], [None, *found])[0]
         return order
+
+
+def part_colors(tables: SceneTables, centre: Float32Array, part: Part, index: IndexArray) -> Float32Array:
+    """RGB (3, n) of the columns `index` (n,) of a part. Only what lies together in memory is read as it lies."""
+    if len(part.runs) == 1 and 2 * len(index) >= len(tables.reach[part.runs[0]]):
+        return colors(tables.color[:, :, part.runs[0]], tables.means[:, part.runs[0]], centre, index)
+    return colors(tables.color, tables.means, centre, part.places(index))
 
 
 class _Target:

@@ -1,8 +1,8 @@
 """A process that draws views of one scene for render/processes.py.
 
-The first message is {"file", "rows", "count", "near", "nice", "antialiased"} with the tables' origin, answered by {} when the
-file is mapped; each further one is {"size": [width, height]} with fx fy cx cy, R and t, answered by the view's four images.
-It ends when its input does.
+The first message is {"file", "offset", "rows", "count", "near", "nice", "antialiased"} with the tables' origin, answered by {}
+when the file is mapped; each further one is {"size": [width, height]} with fx fy cx cy, R and t, answered by the view's four
+images. It ends when its input does.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def main() -> int:
     header, (origin,) = requests.next()
     if hasattr(os, "nice"):
         os.nice(header["nice"])
-    block = np.memmap(header["file"], np.float32, "r", shape=(header["rows"], header["count"]))
+    block = np.memmap(header["file"], np.float32, "r", header["offset"], (header["rows"], header["count"]))
     tables = SceneTables(origin, np.asarray(block), header["antialiased"])
     renderer = Renderer(tables, RenderSettings(header["near"], threads=1))
     requests.answer({})

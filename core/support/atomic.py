@@ -19,12 +19,14 @@ ABANDONED_S = 3600.0
 
 
 @contextmanager
-def atomic_write(path: str | Path, mode: str = "w", *, one_of_many: bool = False) -> Iterator[IO[Any]]:
+def atomic_write(path: str | Path, mode: str = "w", *, one_of_many: bool = False, lasting: bool = True) -> Iterator[IO[Any]]:
     """A file to write to, which takes the place of `path` when the block ends well and vanishes when it does not.
 
     `mode` is "w" (UTF-8 text) or "wb". A link stays one, and the file that it leads to is replaced; an old file's permissions
     stay, a new file gets the usual ones. OSError passes through. What a process that was killed once left of `path` half
     written is removed, but where it is `one_of_many` files of a folder, whose listing for each of them would take long.
+    `lasting` False: after a loss of power the file may be neither the old one nor the new one; for large files that whoever
+    reads them checks.
     """
     target = Path(os.path.realpath(path))
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -35,7 +37,8 @@ def atomic_write(path: str | Path, mode: str = "w", *, one_of_many: bool = False
         with os.fdopen(handle, mode, encoding=None if "b" in mode else "utf-8") as file:
             yield file
             file.flush()
-            os.fsync(file.fileno())
+            if lasting:
+                os.fsync(file.fileno())
         with contextlib.suppress(FileNotFoundError):
             os.chmod(part, stat.S_IMODE(target.stat().st_mode))
         os.replace(part, target)

@@ -8,7 +8,8 @@ from pathlib import Path
 import bpy
 
 from ...core.locate import MapPlace
-from ...core.locate.cache import SUFFIX, user_cache_folder
+from ...core.locate.cache import SUFFIX
+from ...core.support.cache_folder import user_cache_folder
 from ..registration import preferences
 from ..splat import object as splat_object
 

@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> Outcome:
         args.out = shard.file(args.out)
     _check_paths(args, queries, settings)
     check_splat_file(args.scene)
-    digest, searching = scan_file_digest(args.scene), flags if args.locate else None
+    digest, searching = scan_file_digest(args.scene, dated=False), flags if args.locate else None
     rounds = Rounds(args.scene, executor, settings, searching, digest, args.axes, part_of(args.out))
     queries, store = _store(args, queries, settings, _word(args, flags))
     try:

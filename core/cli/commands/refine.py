@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +31,7 @@ from ...pose.report import RefineReport
 from ...pose.report_json import report_to_dict
 from ...pose.settings import RefineSettings
 from ...render import ProcessRenderer, RenderSettings
+from ...render.scan.opening import open_scan
 from ...render.view import ViewRenderer
 from ...splats import GaussianScene, read_splats
 from ...support.steps import run_to_end
@@ -85,11 +89,13 @@ def run(args: argparse.Namespace) -> Outcome:
     wanted = wanted_camera(told, photo)
     if args.stmap is not None:
         wanted = straight(wanted)
-    scene = read_splats(args.scene)
-    say_dropped(scene)
-    with args.make_renderer(scene, RenderSettings.for_scene(scene, settings.threads)) as renderer:
+    opened = _opened(args, settings.threads)
+    scene = opened.scene
+    say_dropped(scene, opened.count)
+    with opened.renderer as renderer:
         if args.pins is None:
-            placed = Placing(renderer, scene, settings, flags if args.locate else None).place(photo, wanted, args.axes)
+            placing = Placing(renderer, scene, settings, flags if args.locate else None, opened.whole)
+            placed = placing.place(photo, wanted, args.axes)
         else:
             pinned = Pinning(renderer, scene, args.axes).place(photo, wanted, args.pins, "auto")
             placed = refined_pins(renderer, photo, pinned, settings)
@@ -103,6 +109,27 @@ def run(args: argparse.Namespace) -> Outcome:
     camera, photo_file = shown(placed.report.camera.relative_to([-value for value in scene.origin]), args.photo)
     photo_file = None if args.stmap else photo_file
     return Outcome(code, args.scene, (camera,), (photo_file,), (placed.report,), (mask if photo_file else None,))
+
+
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    """The scan opened: what draws it, its Gaussians or some of them, how many there are, and how to get them all."""
+
+    renderer: AbstractContextManager[ViewRenderer]
+    scene: GaussianScene
+    count: int
+    whole: Callable[[], GaussianScene]
+
+
+def _opened(args: argparse.Namespace, threads: int) -> _Opened:
+    """Only the processes that draw here take a scan that is prepared."""
+    if args.make_renderer is not ProcessRenderer:
+        scene = read_splats(args.scene)
+        renderer = args.make_renderer(scene, RenderSettings.for_scene(scene, threads))
+        return _Opened(renderer, scene, len(scene), lambda: scene)
+    scan = open_scan(args.scene)
+    drawing = ProcessRenderer(scan.tables, scan.settings(threads))
+    return _Opened(drawing, scan.sample, scan.count, partial(read_splats, args.scene))
 
 
 def _check_paths(args: argparse.Namespace, settings: RefineSettings, mask: Path | None) -> None:
@@ -126,9 +153,17 @@ class Placed:
 class Placing:
     """Places photos in one scan: from their start, and where that fails or there is none, without it."""
 
-    def __init__(self, renderer: ViewRenderer, scene: GaussianScene, settings: RefineSettings, flags: MapFlags | None) -> None:
-        """`flags` None: photos are not searched for."""
+    def __init__(
+        self,
+        renderer: ViewRenderer,
+        scene: GaussianScene,
+        settings: RefineSettings,
+        flags: MapFlags | None,
+        whole: Callable[[], GaussianScene] | None = None,
+    ) -> None:
+        """`flags` None: photos are not searched for. `whole`: reads the scan, of which `scene` has some Gaussians then."""
         self._renderer, self._scene, self._settings, self._flags = renderer, scene, settings, flags
+        self._whole = whole or (lambda: scene)
 
     def place(self, photo: Photo, wanted: Camera | Unplaced, axes: Axes = "auto") -> Placed:
         """The end, in the coordinates of the scan's file; `axes`: those of a start."""
@@ -157,7 +192,7 @@ class Placing:
     def _find(self, photo: Photo, wanted: Unplaced) -> Placed:
         assert self._flags is not None
         target = find_target(photo, wanted)
-        found = find_with_progress(self._renderer, target, self._flags.cache(self._scene), self._settings)
+        found = find_with_progress(self._renderer, target, self._flags.cache(self._whole()), self._settings)
         found = whole_found(photo, found, wanted)
         if found.camera is None or found.refined is None:
             return Placed(found_to_dict(found, wanted), None)

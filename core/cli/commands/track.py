@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> Outcome:
     _check_usage(args)
     if args.out_dir is not None:
         return _several(args, settings)
-    digest = scan_file_digest(args.scene)
+    digest = scan_file_digest(args.scene, dated=False)
     job = _job(args, settings, args.plates[0], args.out, digest)
     with _work(args, settings, digest) as work_on:
         return _told(job, job.run(work_on(job)))
@@ -92,7 +92,7 @@ def _check_usage(args: argparse.Namespace) -> None:
 def _several(args: argparse.Namespace, settings: RefineSettings) -> Outcome:
     files = out_files(args.plates, args.out_dir)
     args.out_dir.mkdir(parents=True, exist_ok=True)
-    digest = scan_file_digest(args.scene)
+    digest = scan_file_digest(args.scene, dated=False)
     with _work(args, settings, digest) as work_on:
 
         def track(plate: Path, out: Path) -> ShotEnd:

@@ -126,7 +126,7 @@ def test_an_exported_photo_is_its_own_file_at_its_own_size(bpy, extension, scene
         bpy.ops.gssmc.add_photo(filepath=str(odd_photos / f"{name}.jpg"), camera="NEW")
     out = tmp_path / ("model" if kind == "COLMAP" else "out.json")
     assert bpy.ops.gssmc.export_cameras(filepath=str(out), format=kind) == {"FINISHED"}
-    found = {item.camera.file: item for item in read_to_end(extension, out, tmp_path)}
+    found = {item.camera.file: item for item in read_to_end(extension, out, odd_photos)}
     sizes = {name: (item.camera.intrinsics.width, item.camera.intrinsics.height) for name, item in found.items()}
     assert sizes == {"turned.jpg": (90, 60), "large.jpg": (5200, 6800), "both.jpg": (5200, 6800)}
     assert all(item.file for item in found.values()), "the files are there"

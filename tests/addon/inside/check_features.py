@@ -118,7 +118,7 @@ def test_a_model_that_is_none_is_one_sentence(bpy, scene, preferences, tmp_path)
 # ---- preferences
 
 
-OWN = ("threads", "memory_limit_gb", "default_preset", "log_file", "map_place")
+OWN = ("renderer", "threads", "memory_limit_gb", "default_preset", "log_file", "map_place")
 
 
 def drawn(bpy, extension, **values):

@@ -27,7 +27,7 @@ def own_preferences(bpy, extension):
 
 
 def maps(extension):
-    return sorted(extension("core.locate.cache").user_cache_folder().glob("*.gssmc-map"))
+    return sorted(extension("core.support.cache_folder").user_cache_folder().glob("*.gssmc-map"))
 
 
 def away(scene):

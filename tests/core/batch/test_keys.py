@@ -127,7 +127,7 @@ def test_a_scan_that_is_replaced_before_a_worker_reads_it_ends_the_batch_without
     """The keys of the answers stand for the first scan."""
     scan, out = tmp_path / "scan.ply", tmp_path / "r.json"
     write_ply(scan, make_scene(0, 300))
-    digest, query = scan_file_digest(scan), BatchQuery(CAMERA, put(tmp_path / "photo.jpg", b"no photo"))
+    digest, query = scan_file_digest(scan, dated=False), BatchQuery(CAMERA, put(tmp_path / "photo.jpg", b"no photo"))
     write_ply(scan, make_scene(1, 300))
     with pytest.raises(SplatFormatError, match=r"'scan\.ply' was changed while it was being used; run the command again\.$"):
         check_unchanged(scan, digest)
@@ -142,9 +142,9 @@ def test_a_photo_that_is_replaced_while_it_is_worked_on_is_tried_again_by_the_ne
     query = BatchQuery(CAMERA, put(tmp_path / "photo.jpg", b"no photo"))
     put(tmp_path / "photo.jpg", b"another.", TIME_NS + 1)
     with ResultStore(tmp_path / "r.json", ["key"]) as store:
-        Rounds(tmp_path / "scan.ply", Executor(1), RefineSettings(), None, scan_file_digest(tmp_path / "scan.ply")).run(
-            [query], store
-        )
+        Rounds(
+            tmp_path / "scan.ply", Executor(1), RefineSettings(), None, scan_file_digest(tmp_path / "scan.ply", dated=False)
+        ).run([query], store)
         assert "was changed while the batch ran; run the batch again." in store.records[0]["error"]
     with ResultStore(tmp_path / "r.json", ["key"]) as store:
         assert store.records == {}

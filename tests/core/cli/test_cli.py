@@ -372,3 +372,12 @@ def test_python_m_core_from_a_shell(tmp_path):
     assert done.returncode == 2
     assert done.stdout == ""
     one_sentence(done.stderr)
+
+
+def test_memory_that_is_used_up_is_told_in_a_sentence(capsys, monkeypatch):
+    def run(args):
+        raise MemoryError
+
+    monkeypatch.setattr("core.cli.commands.features.run", run)
+    assert main(["features"]) == 2
+    assert capsys.readouterr().err.startswith("The memory is used up; end other programs")

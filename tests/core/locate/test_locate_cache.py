@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from core.locate import MapCache, MapFileError, MapPlace, MapSettings, cache, write_map
-from core.locate.cache import SUFFIX, user_cache_folder
+from core.locate.cache import SUFFIX
 from core.splats.ply.reader import write_ply
+from core.support.cache_folder import user_cache_folder
 from core.synthetic.room import make_scene
 from core.synthetic.sample import sample_cameras
 

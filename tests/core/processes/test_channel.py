@@ -117,3 +117,14 @@ def test_an_interrupted_request_leaves_no_answer_for_the_next(echo, monkeypatch)
         echo[0].ask({"n": 1}, limit_s=60)
     with pytest.raises(ChildEndedError):
         echo[0].ask({"n": 2}, limit_s=60)
+
+
+def test_no_thread_for_the_time_limit_is_an_error_of_the_system(monkeypatch):
+    def none(self):
+        raise RuntimeError("can't start new thread")
+
+    channel = Channel(Scripted("requests.next()"))
+    monkeypatch.setattr(threading.Timer, "start", none)
+    with pytest.raises(OSError, match="no thread can be started"):
+        channel.ask({}, limit_s=9)
+    channel.close()
