@@ -38,9 +38,7 @@ def run(args: argparse.Namespace) -> Outcome:
     check_outputs({"--out": args.out, "--poses": args.poses}, {"a shard": shards})
     joined = join(shards)
     if args.poses is not None:
-        for record in joined.records.values():  # before anything is written
-            if record["R"] is not None and "error" not in record:
-                checked(record["file"])
+        _check_names(joined)
     for sentence in (*joined.damage, *joined.conflicts[:LISTED]):
         message(sentence)
     if len(joined.conflicts) > LISTED:
@@ -51,14 +49,23 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.poses is not None:
         write_poses(args.poses, store.records)
     code = say_endings(store.records, args.out)
-    if args.exit_zero:
-        code = OK
-    if joined.missing:  # which the results do not tell
-        be, more = "is" if joined.missing == 1 else "are", len(joined.gaps) - LISTED
-        gaps = "; ".join([*joined.gaps[:LISTED], *([f"and {counted(more, 'more shard')}"] if more > 0 else [])])
-        message(f"{joined.missing} of {counted(joined.total, 'photo')} {be} missing: {gaps}.")
-        code = FAILED_VERDICT
-    return Outcome(code)
+    if joined.missing:
+        _say_missing(joined)
+    # What is missing no file tells, so the exit code does in any case.
+    return Outcome(FAILED_VERDICT if joined.missing else OK if args.exit_zero else code)
+
+
+def _check_names(joined: Joined) -> None:
+    """Raises DatasetError where a pose list cannot hold a photo's name, before anything is written."""
+    for record in joined.records.values():
+        if record["R"] is not None and "error" not in record:
+            checked(record["file"])
+
+
+def _say_missing(joined: Joined) -> None:
+    be, more = "is" if joined.missing == 1 else "are", len(joined.gaps) - LISTED
+    gaps = "; ".join([*joined.gaps[:LISTED], *([f"and {counted(more, 'more shard')}"] if more > 0 else [])])
+    message(f"{joined.missing} of {counted(joined.total, 'photo')} {be} missing: {gaps}.")
 
 
 def _written(args: argparse.Namespace, joined: Joined) -> ResultStore:
