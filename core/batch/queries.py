@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from ..errors import CameraError, DatasetError, PhotoError, UsageError
 from ..geometry.camera import Camera
 from ..photos.lens_guess import DEFAULT_FOV_DEG, LensGuess, guess_lens_of_file
 from ..photos.places import PhotoFinder
+from ..support.picture_names import PICTURES
 from ..support.words import counted
 from .keys import Refused
 
@@ -41,6 +43,7 @@ def find_queries(args: argparse.Namespace) -> BatchPhotos:
     A record that cannot be used is Refused, by itself. Raises UsageError or DatasetError, and CameraError where no record can.
     """
     given = args.start is not None or args.focal is not None
+    _refuse_photos_alone(args.queries)
     if args.queries.is_dir() and (given or has_queries(args.queries)):
         found = _from_dataset(args.queries, args.start, args.focal, args.locate)
     else:
@@ -51,6 +54,17 @@ def find_queries(args: argparse.Namespace) -> BatchPhotos:
             if not isinstance(camera, Refused):
                 checked(camera.file)
     return found
+
+
+def _refuse_photos_alone(source: Path) -> None:
+    """Raises UsageError where the source is a folder of photos, without a word of which of them are meant."""
+    if source.is_dir() and detect(source) is None:
+        names = sorted(path.name for path in source.iterdir() if path.suffix.lower() in PICTURES)
+        if names:
+            frames = json.dumps({"frames": names[:2]}, ensure_ascii=False)
+            raise UsageError(
+                f"'{source}' is a folder of photos; name those that are meant in a JSON file there, as in {frames}."
+            )
 
 
 def _from_dataset(folder: Path, start: Path | None, focal: float | None, locate: bool) -> BatchPhotos:

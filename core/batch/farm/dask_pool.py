@@ -89,6 +89,8 @@ class DaskPool:
                     preload=[dask_setup.__module__],
                     memory_limit=0,
                     dashboard_address=None,
+                    # Its web server takes any free port; of its own one it warns where that is taken.
+                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                     silence_logs=logging.CRITICAL,
                 )
             self._client = self._connected()

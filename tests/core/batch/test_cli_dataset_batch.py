@@ -165,11 +165,14 @@ def mistakes(place, tmp):
     queries = place.json(tmp / "q.json", [replace(c, file=f"a b{i}.png") for i, c in enumerate(place.starts)])
     other = put(tmp / "other.txt", f"zzz.png {LINE}\n")
     put(tmp / "notes/readme.txt", "hello")
+    for name in ("é.PNG", "a.jpg", "readme.txt"):
+        put(tmp / "photos" / name, "")
     start = ["--start", place.start]
     return {
         "no starts": ([place.rooms, "--no-locate"], "give them with --start"),
         "starts of another scene": ([place.rooms, "--start", other], "no start pose for any test photo"),
         "starts that are nowhere": ([place.rooms, "--start", tmp / "no.txt"], "There is nothing at"),
+        "a folder of photos alone": ([tmp / "photos"], 'in a JSON file there, as in {"frames": ["a.jpg", "é.PNG"]}.'),
         "a folder of something else": ([tmp / "notes", *start], "is no folder of poses"),
         "a model without photos": ([_colmap(tmp), *start], "no folder that photos can be taken from"),
         "focal length of nothing": ([place.rooms, *start, "--focal", "0"], "--focal is 0"),

@@ -9,7 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager, suppress
+import warnings
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -173,6 +174,15 @@ def test_what_listens_and_is_no_scheduler_is_one_sentence(monkeypatch, answer):
             run(monkeypatch, Starts(WELL), jobs("go"), f"tcp://127.0.0.1:{server.getsockname()[1]}")
     for one in open_ones:
         one.close()
+
+
+def test_a_cluster_is_started_here_without_a_warning_also_beside_another():
+    with ExitStack() as held, warnings.catch_warnings():
+        with suppress(OSError):  # somebody else has it
+            held.enter_context(socket.create_server(("127.0.0.1", 8787)))
+        warnings.simplefilter("error")
+        with module.DaskPool({}, 1, None):
+            pass
 
 
 def test_the_address_of_a_worker_is_one_sentence(monkeypatch):
