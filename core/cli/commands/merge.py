@@ -7,7 +7,8 @@ from pathlib import Path
 
 from ...batch.farm.shards import Joined, find_shards, join
 from ...batch.keys import BatchQuery
-from ...batch.store import ResultStore
+from ...batch.lines import StoredRecords
+from ...batch.store import ResultsError, ResultStore
 from ...cameras.pose_list import checked
 from ...cameras.unplaced import Unplaced
 from ...errors import UsageError
@@ -45,6 +46,7 @@ def run(args: argparse.Namespace) -> Outcome:
         message(f"... and {len(joined.conflicts) - LISTED} more.")
     if same := joined.double - len(joined.conflicts):
         message(f"{counted(same, 'photo')} {'is' if same == 1 else 'are'} in two shards, with the same answer.")
+    _check_gain(args.out, joined)
     store = _written(args, joined)
     if args.poses is not None:
         write_poses(args.poses, store.records)
@@ -53,6 +55,19 @@ def run(args: argparse.Namespace) -> Outcome:
         _say_missing(joined)
     # What is missing no file tells, so the exit code does in any case.
     return Outcome(FAILED_VERDICT if joined.missing else OK if args.exit_zero else code)
+
+
+def _check_gain(out: Path, joined: Joined) -> None:
+    """Raises ResultsError where `out` holds more photos than all shards, as after a batch that did what was missing of them."""
+    try:
+        there = sum(sound and bool(frame["verdict"]) for frame, _, sound in StoredRecords(out)) if out.is_file() else 0
+    except ValueError:  # no results, of which the store has its own sentence
+        return
+    if there > len(joined.records):
+        raise ResultsError(
+            f"'{out}' holds {there} photos, and the shards only {len(joined.records)} of them; name another file with --out, or "
+            "delete this one."
+        )
 
 
 def _check_names(joined: Joined) -> None:

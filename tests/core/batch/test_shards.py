@@ -73,6 +73,14 @@ def test_a_batch_goes_on_from_joined_shards(place, whole, tmp_path, capsys):
     assert timeless(out) == timeless(whole / "one.json")
 
 
+def test_results_that_hold_more_than_the_shards_are_not_written_over(whole, tmp_path, capsys):
+    out = tmp_path / "part.json"
+    out.write_bytes((whole / "one.json").read_bytes())
+    assert main(["merge", str(whole / "all.shard-1-of-2.json"), "--out", str(out)]) == 2
+    assert "holds 3 photos, and the shards only 2 of them" in capsys.readouterr().err
+    assert out.read_bytes() == (whole / "one.json").read_bytes()
+
+
 def test_a_killed_shard_is_joined_from_its_journal_and_its_gap_is_named(whole, tmp_path, capsys):
     head, *lines = (whole / "all.shard-1-of-2.json").read_text().splitlines(keepends=True)
     said = json.dumps({"gssmc_journal": 1, "shard": json.loads(head + "]}")["shard"]})
