@@ -65,8 +65,8 @@ def _check_gain(out: Path, joined: Joined) -> None:
         return
     if there > len(joined.records):
         raise ResultsError(
-            f"'{out}' holds {counted(there, 'photo')}, and the shards only {len(joined.records)} of them; name another file with "
-            "--out, or delete this one."
+            f"'{out}' holds {counted(there, 'photo')}, and the shards only {len(joined.records)} of them; name another file "
+            "with --out, or delete this one."
         )
 
 
