@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import GssmcError
 from ..splats import scan_files
-from .processes import MAX_PROCESSES
+from .processes import views_at_once
 
 # Taken by numpy, OpenCV, SciPy and the features of all views.
 BASE_BYTES = 450_000_000
@@ -50,7 +50,7 @@ def machine_bytes() -> int:
 def refine_bytes(gaussians: int, sh_coefficients: int, photo_pixels: int, threads: int) -> int:
     """What a refinement takes at its peak. `threads`: views drawn side by side, 0 = one per core."""
     scene = 4 * (FLOATS_WITHOUT_SH + 3 * sh_coefficients) * gaussians
-    views = min(threads or os.cpu_count() or 1, MAX_PROCESSES)
+    views = views_at_once(threads)
     each = PROCESS_BYTES + RENDER_BYTES * gaussians
     return BASE_BYTES + COPIES * scene + each * views + PIXEL_BYTES * photo_pixels
 

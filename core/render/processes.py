@@ -34,6 +34,11 @@ NICE = 3
 StartChild = Callable[[str, Mapping[str, str]], Child]
 
 
+def views_at_once(threads: int) -> int:
+    """How many views are drawn side by side where `threads` are wanted, 0 = one per core."""
+    return min(threads or os.cpu_count() or 1, MAX_PROCESSES)
+
+
 class ProcessRenderer:
     """Draws one scene's views, each on one thread, in up to `settings.threads` processes: this one and its children. With
     `interactive` (this process has a window to keep alive) the children draw all views, once they are ready.
@@ -53,7 +58,7 @@ class ProcessRenderer:
         interactive: bool = False,
     ) -> None:
         """Where no process can be started, nothing is raised and all views are drawn in this process."""
-        count = min(settings.threads or os.cpu_count() or 1, MAX_PROCESSES)
+        count = views_at_once(settings.threads)
         tables = scene if isinstance(scene, SceneTables) else build_tables(scene)
         self._children = _Children(count, interactive, start)
         self._finish = weakref.finalize(self, _Children.close, self._children)

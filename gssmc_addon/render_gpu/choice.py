@@ -18,9 +18,10 @@ import numpy as np
 from ...core.errors import GssmcError
 from ...core.geometry.camera import Intrinsics, Pose
 from ...core.render import Renderer, RenderSettings
-from ...core.render.processes import MAX_PROCESSES
+from ...core.render.processes import views_at_once
 from ...core.render.view import RenderedView
 from ...core.splats.scene import GaussianScene
+from ...core.support.steps import run_to_end
 from ..viewport.gpu import is_software
 from .draw import GpuScan, ViewRequest
 from .executor import Holder, executor
@@ -127,7 +128,7 @@ def refusal(test: DeviceTest, forced: bool, threads: int) -> str:
     """Why the card is not used after its test; "" when it is. The processor draws a view on each of `threads` side by side."""
     if test.fault:
         return test.fault
-    side_by_side = min(threads or os.cpu_count() or 1, MAX_PROCESSES)
+    side_by_side = views_at_once(threads)
     if not forced and test.card_s * side_by_side >= test.thread_s:
         values = {"card": test.card_s, "threads": side_by_side, "thread": test.thread_s}
         return told("its test view took {card:.3f} s, that of one of {threads} threads {thread:.3f} s", **values)
@@ -154,9 +155,8 @@ def _test(owner: Holder) -> DeviceTest:
         yield from there.send(scan)
         yield from there.draw(request)  # shaders are compiled in the first
         begin = time.perf_counter()
-        for _ in (drawing := _kept(there.draw(request))):
-            pass
-        return drawing.view, time.perf_counter() - begin
+        view = run_to_end(there.draw(request))
+        return view, time.perf_counter() - begin
 
     try:
         view, card_s = executor.ask(work, owner)
@@ -165,17 +165,6 @@ def _test(owner: Holder) -> DeviceTest:
     except Exception as error:  # noqa: BLE001 - as a shader that does not compile: Blender raises Exception itself
         return DeviceTest(0.0, thread_s, told("its test view failed ({error})", error=error))
     return DeviceTest(card_s, thread_s, difference(view, right))
-
-
-class _kept:
-    """A generator to iterate over that keeps what it returned."""
-
-    def __init__(self, steps: Generator[None, None, RenderedView]) -> None:
-        self._steps = steps
-        self.view: RenderedView
-
-    def __iter__(self) -> Generator[None, None, None]:
-        self.view = yield from self._steps
 
 
 def difference(view: RenderedView, right: RenderedView) -> str:

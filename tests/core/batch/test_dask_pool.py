@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from children import Scripted
+from children import DIES, WELL, WORKER, Scripted
 from cli_place import FAST, Place, hurt_readers
 from process_ends import alive, wait_for
 
@@ -29,19 +29,7 @@ from core.batch.farm import dask_worker  # noqa: E402
 pytestmark = pytest.mark.process
 REPO = Path(__file__).parents[3]
 PATIENCE_S = 60
-WORKER = """
-requests.next()
-START
-while True:
-    job, _ = requests.next()
-    if job["do"] == "die":
-        os._exit(7)
-    time.sleep(job["wait"])
-    requests.answer({"n": job["n"]})
-"""
-WELL = WORKER.replace("START", "requests.answer({'dropped': 5})")
 NO_SCAN = WORKER.replace("START", "requests.answer({'error': 'There is no scan at /there.'})")
-DIES = WORKER.replace("START", "os._exit(3)")
 
 
 class Starts:

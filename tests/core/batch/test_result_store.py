@@ -47,6 +47,15 @@ def killed(store):
     os.close(store._handle)
 
 
+def left_by_a_killed_run(path, indices):
+    """A journal of new answers for these photos, beside the results of before."""
+    store = ResultStore(path, KEYS)
+    store.__enter__()
+    for i in indices:
+        store.put(i, record(i, t=[i, 9, 9]))
+    killed(store)
+
+
 @pytest.fixture
 def each_synced(monkeypatch):
     """Every record is told to the disk by itself, as where photos take seconds."""
@@ -138,11 +147,7 @@ def test_ten_times_the_photos_cost_ten_times_the_bytes_and_no_more_memory(path):
 
 
 def test_a_line_that_was_cut_short_is_left_out_with_a_word(full, caplog):
-    store = ResultStore(full, KEYS)
-    store.__enter__()
-    for i in (1, 2):
-        store.put(i, record(i, t=[i, 9, 9]))
-    killed(store)
+    left_by_a_killed_run(full, (1, 2))
     data = journal(full).read_bytes()
     journal(full).write_bytes(data[:-10])
     full.unlink()
@@ -152,11 +157,7 @@ def test_a_line_that_was_cut_short_is_left_out_with_a_word(full, caplog):
 
 
 def test_damaged_lines_amid_a_journal_cost_their_own_photos(full, caplog):
-    store = ResultStore(full, KEYS)
-    store.__enter__()
-    for i in range(4):
-        store.put(i, record(i, t=[i, 9, 9]))
-    killed(store)
+    left_by_a_killed_run(full, range(4))
     lines = journal(full).read_bytes().splitlines(keepends=True)
     lines[2], lines[3] = b"\0" * (len(lines[2]) - 1) + b"\n", lines[3].replace(b":", b"\xff", 1)
     journal(full).write_bytes(b"".join(lines))
@@ -178,11 +179,7 @@ def test_a_second_run_takes_up_what_was_finished(full):
 
 
 def test_a_killed_run_is_taken_up_from_its_journal_wherever_it_was_cut(full):
-    store = ResultStore(full, KEYS)
-    store.__enter__()
-    for i in (1, 2):
-        store.put(i, record(i, t=[i, 9, 9]))
-    killed(store)
+    left_by_a_killed_run(full, (1, 2))
     data = journal(full).read_bytes()
     for cut in range(0, len(data) + 1, 5):
         journal(full).write_bytes(data[:cut])

@@ -4,30 +4,13 @@ import logging
 import threading
 
 import pytest
-from children import Scripted
+from children import DIES, WELL, WORKER, Scripted
 
 from core.errors import RefineError, SplatFormatError
 from core.processes import pool as module
 from core.processes.pool import Pool
 
 PATIENCE_S = 90
-WORKER = """
-requests.next()
-START
-while True:
-    job, _ = requests.next()
-    if job["do"] == "die":
-        os._exit(7)
-    if job["do"] == "cut":
-        os.write(requests._answers.fileno(), b'{"n": 3, "arr')
-        os._exit(0)
-    if job["do"] == "hang":
-        time.sleep(600)
-    time.sleep(job["wait"])
-    requests.answer({"n": job["n"]})
-"""
-WELL = WORKER.replace("START", "requests.answer({'dropped': 5})")
-DIES = WORKER.replace("START", "os._exit(3)")
 LATE = WORKER.replace("START", "time.sleep(3); requests.answer({'error': 'Too many open files.'})")
 NO_SCAN = WORKER.replace("START", "requests.answer({'error': 'The scan is none.'})")
 

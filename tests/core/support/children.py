@@ -16,6 +16,25 @@ from core.processes.requests import Requests
 requests = Requests()
 """
 
+# A worker of a batch that does what its jobs say; START is how it begins.
+WORKER = """
+requests.next()
+START
+while True:
+    job, _ = requests.next()
+    if job["do"] == "die":
+        os._exit(7)
+    if job["do"] == "cut":
+        os.write(requests._answers.fileno(), b'{"n": 3, "arr')
+        os._exit(0)
+    if job["do"] == "hang":
+        time.sleep(600)
+    time.sleep(job["wait"])
+    requests.answer({"n": job["n"]})
+"""
+WELL = WORKER.replace("START", "requests.answer({'dropped': 5})")
+DIES = WORKER.replace("START", "os._exit(3)")
+
 
 class Scripted(Child):
     """Runs `code`, in which `requests` are its requests."""
